@@ -1,0 +1,197 @@
+"""Runs a rig, its eyes and one law together: the only place where frames meet commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from endolock.hw.api import Clock, Command, ConfigError, Frame, Rig, State, TruthSample
+from endolock.vision.observation import Eyes, Observation, Status
+
+PERIOD_S = 0.020
+"""Control period [s]: 50 Hz, two ticks to a frame."""
+
+
+class Controller(Protocol):
+    """A control law. It owns its state and knows neither a clock nor what turns the handles."""
+
+    def reset(self, state: State) -> None:
+        """Start afresh at the present handle state; called after each enable."""
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Take in one tick.
+
+        Args:
+            t: time of the tick [s].
+            state: handle state, just measured.
+            observation: what the newest frame shows; None where no new frame has come.
+
+        Returns:
+            Where the handles shall go; it is sent with the next tick's exchange.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tick:
+    """One control period as it happened."""
+
+    t: float
+    """When it began [s]."""
+    skipped: int
+    """Periods that were missed before this one."""
+    command: Command | None
+    """What was sent; None in the first tick."""
+    state: State
+    status: Status
+    """State of the lock, from the newest frame."""
+    truth: TruthSample | None
+    """The truth now; None on hardware."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """One delivered frame and what was made of it."""
+
+    frame: Frame
+    observation: Observation
+    overview: Frame | None
+    """Picture of the fixed camera, the newest when this frame was delivered."""
+    truth: TruthSample | None
+    """The truth at the exposure; None on hardware."""
+
+
+class Recorder(Protocol):
+    """Where the rows of a run go."""
+
+    def tick(self, tick: Tick) -> None:
+        """Keep one control period."""
+
+    def seen(self, seen: Seen) -> None:
+        """Keep one frame."""
+
+
+@dataclass
+class Run:
+    """What a run leaves in memory; pictures go to the recorder alone."""
+
+    ticks: list[Tick] = field(default_factory=list)
+    seen: list[Seen] = field(default_factory=list)
+    interrupted: bool = False
+
+
+def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float, int]]:
+    """Yield (time, periods skipped) at absolute deadlines; a late tick is skipped, never caught up.
+
+    Args:
+        clock: is slept on.
+        period_s: control period [s].
+        until_s: last time at which a tick may begin [s], counted like `clock.now()`.
+    """
+    start = clock.now()
+    n = 0
+    while start + n * period_s <= until_s + 1e-9:
+        t = clock.sleep_until(start + n * period_s)
+        late = int((t - start) / period_s + 1e-6) - n
+        yield t, late
+        n += late + 1
+
+
+def check_period(clock: Clock, period_s: float) -> None:
+    """See that ticks fall on the clock's grid.
+
+    Raises:
+        ConfigError: they do not.
+    """
+    if not period_s > 0:
+        raise ConfigError(f"control period {period_s:g} s; use more than 0, such as {PERIOD_S}")
+    if not clock.timestep_s:
+        return
+    steps = period_s / clock.timestep_s
+    if abs(steps - round(steps)) > 1e-6:
+        below = int(steps)
+        near = [f"{n * clock.timestep_s:g}" for n in (below, below + 1) if n]
+        raise ConfigError(
+            f"control period {period_s:g} s is not a multiple of the physics timestep "
+            f"{clock.timestep_s:g} s; use {' or '.join(near)}"
+        )
+
+
+def run(
+    rig: Rig,
+    eyes: Eyes,
+    controller: Controller,
+    *,
+    duration_s: float,
+    period_s: float = PERIOD_S,
+    recorder: Recorder | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Run:
+    """Keep the target in the centre for a while; the handles hold when it returns or raises.
+
+    Args:
+        rig: clock, handles and camera; connected here if it is not.
+        eyes: turns frames into observations.
+        controller: the law.
+        duration_s: how long [s], > 0.
+        period_s: control period [s], a multiple of the clock's grid.
+        recorder: keeps every row as it comes, pictures included.
+        progress: told the time after each tick [s].
+
+    Returns:
+        All ticks and frames, without pictures; `interrupted` if Ctrl-C ended it early.
+
+    Raises:
+        ConfigError: duration or period cannot be used.
+        HardwareError: the handles stopped; rows up to there are with the recorder.
+    """
+    if not duration_s > 0:
+        raise ConfigError(f"duration {duration_s:g} s; use more than 0")
+    check_period(rig.clock, period_s)
+    result = Run()
+    actuators, truth = rig.actuators, rig.truth
+    actuators.connect()
+    controller.reset(actuators.enable())
+    command: Command | None = None
+    status, newest = Status.SEARCHING, -1
+    try:
+        for t, skipped in ticks(rig.clock, period_s, rig.clock.now() + duration_s):
+            state = actuators.exchange(command)
+            observation = None
+            frame = rig.camera.latest()
+            if frame is not None and frame.seq > newest:
+                newest = frame.seq
+                observation = eyes(frame)
+                status = observation.status
+                seen = Seen(
+                    frame=frame,
+                    observation=observation,
+                    overview=rig.overview.latest() if rig.overview else None,
+                    truth=truth.at_exposure(frame.seq) if truth else None,
+                )
+                if recorder:
+                    recorder.seen(seen)
+                result.seen.append(_without_pictures(seen))
+            tick = Tick(
+                t=t,
+                skipped=skipped,
+                command=command,
+                state=state,
+                status=status,
+                truth=truth.now() if truth else None,
+            )
+            if recorder:
+                recorder.tick(tick)
+            result.ticks.append(tick)
+            command = controller.update(t, state, observation)
+            if progress:
+                progress(t)
+    except KeyboardInterrupt:
+        result.interrupted = True
+    finally:
+        actuators.hold()
+    return result
+
+
+def _without_pictures(seen: Seen) -> Seen:
+    return replace(seen, frame=replace(seen.frame, image=None), overview=None)

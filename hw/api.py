@@ -1,0 +1,412 @@
+"""The seam between controllers and whatever turns the handles: a twin, an emulator or a bench.
+
+Time belongs to a `Clock`: whoever calls `sleep_until` makes the world advance, so nothing here has
+a `step()`. Everything is SI; axes are always (up_down, left_right), pixels always (u right, v down).
+Frames of reference: *base* is the tip camera at rest in OpenCV axes (x right, y down, z distal);
+*board* has x right and y down on its printed face and z into the board, so that a board seen
+straight from the front is aligned with the camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+AXES = ("up_down", "left_right")
+"""The two handle axes, in the order used everywhere."""
+
+Vector = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+
+class EndolockError(Exception):
+    """Root of all errors a user can meet; the text says what was wanted, what came, what to do."""
+
+
+class ConfigError(EndolockError, ValueError):
+    """A scenario, option, parameter or file is not usable (exit code 2)."""
+
+
+class HardwareError(EndolockError, RuntimeError):
+    """Something between the command and the handle went wrong (exit code 3).
+
+    Args:
+        message: what happened and what to do next.
+        t: clock time of the event [s].
+        axis: name of the axis concerned, where there is one.
+    """
+
+    def __init__(self, message: str, *, t: float, axis: str | None = None) -> None:
+        super().__init__(message)
+        self.t = t
+        self.axis = axis
+
+
+class StateError(HardwareError):
+    """The call does not fit the present mode, for example a command before `enable()`."""
+
+
+class CommandError(HardwareError, ValueError):
+    """A command has the wrong shape or is not finite; the previous goal stays."""
+
+
+class LinkLost(HardwareError, ConnectionError):  # noqa: N818
+    """No fresh state came within the allowed age; latched until `clear_fault()`."""
+
+
+class DeviceFault(HardwareError):
+    """A device or its guard stopped the motion; latched until `clear_fault()`.
+
+    Args:
+        message: what happened and what to do next.
+        kind: what tripped, for example "following".
+        t: clock time of the event [s].
+        axis: name of the axis concerned, where there is one.
+    """
+
+    def __init__(self, message: str, *, kind: str, t: float, axis: str | None = None) -> None:
+        super().__init__(message, t=t, axis=axis)
+        self.kind = kind
+
+
+# --- time -----------------------------------------------------------------------------------------
+
+
+class Clock(Protocol):
+    """The one clock that stamps frames and states; sleeping on it lets the world move on."""
+
+    @property
+    def realtime(self) -> bool:
+        """Whether it follows the wall clock."""
+
+    @property
+    def timestep_s(self) -> float:
+        """Its grid [s]; 0 where time is continuous."""
+
+    def now(self) -> float:
+        """Time since the rig was made [s]."""
+
+    def sleep_until(self, t: float) -> float:
+        """Return at `t` [s], or at once if it has passed; on a grid, at the first point >= `t`."""
+
+
+# --- handles --------------------------------------------------------------------------------------
+
+
+class Mode(StrEnum):
+    """What the handle motors are doing."""
+
+    DISCONNECTED = "disconnected"
+    DISABLED = "disabled"
+    """No torque."""
+    ENABLED = "enabled"
+    """Follow commands."""
+    HOLDING = "holding"
+    """Torque on, goal frozen; the next command goes on from there."""
+    FAULT = "fault"
+    """Goal frozen by a latched fault, until `clear_fault()` and `enable()`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the handles may be asked for, per axis."""
+
+    position_rad: tuple[tuple[float, float], ...]
+    """Lowest and highest handle angle of each axis [rad]."""
+    velocity_rad_s: tuple[float, ...]
+    """Fastest change of the goal of each axis [rad/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """Where the handles shall go."""
+
+    position: Sequence[float]
+    """Handle angles [rad], (up_down, left_right)."""
+    valid_for: float = 0.2
+    """Without another command within this time [s] the handles hold where they are. Assumed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """What is known of the handles after one exchange."""
+
+    t: float
+    """Clock time at which the positions were measured [s]."""
+    t_err: float
+    """Half-width of the uncertainty of `t` [s]."""
+    seq: int
+    """Counts exchanges with the device from 0."""
+    position: tuple[float, ...]
+    """Measured handle angles [rad]."""
+    velocity: tuple[float, ...]
+    """Measured handle speeds [rad/s]."""
+    current: tuple[float, ...]
+    """Motor currents [A]."""
+    target: tuple[float, ...]
+    """Goals in force after this exchange [rad]: limited, slewed, quantised."""
+    clipped: tuple[int, ...]
+    """Per axis +1 (-1) where the command asked for more (less) than was sent on; 0 where not."""
+    fresh: bool
+    """Whether the device answered this exchange; if not, the measurements are the last ones."""
+    mode: Mode
+    """Mode after this exchange."""
+    device_tick: int
+    """The device's own clock [ms]; it stands still where the device does."""
+
+
+class Actuators(Protocol):
+    """Two handle motors in position mode, on a twin, an emulator or a bench."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that stamps the states."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axis names, in the order of every tuple here."""
+
+    @property
+    def limits(self) -> Limits:
+        """What may be asked for."""
+
+    @property
+    def mode(self) -> Mode:
+        """Present mode."""
+
+    def connect(self) -> None:
+        """Open the device; afterwards the mode is DISABLED."""
+
+    def home(self) -> None:
+        """Make the present position the zero of both axes.
+
+        Raises:
+            StateError: the motors are enabled.
+        """
+
+    def enable(self) -> State:
+        """Switch torque on without a jump: the goal becomes the measured position.
+
+        Raises:
+            StateError: not connected, or a fault is latched.
+        """
+
+    def exchange(self, command: Command | None) -> State:
+        """Send a command, or None to go on as before, and read the state, in one transaction.
+
+        Raises:
+            CommandError: wrong length, or NaN or infinite; the previous goal stays.
+            StateError: not connected, or a command while not enabled.
+            LinkLost, DeviceFault: latched; raised again until `clear_fault()`.
+        """
+
+    def history(self, t: float) -> State:
+        """Return the state at a past time `t` [s], interpolated between exchanges.
+
+        Raises:
+            LookupError: `t` lies outside what is remembered.
+        """
+
+    def hold(self) -> None:
+        """Stop where the handles are and keep torque on."""
+
+    def disable(self) -> None:
+        """Switch torque off."""
+
+    def clear_fault(self) -> None:
+        """Forget a latched fault; the motors stay off until `enable()`."""
+
+    def close(self) -> None:
+        """Disable and let go of the device; may be called twice."""
+
+    def __enter__(self) -> Self:
+        """Connect."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close, without hiding an exception on its way out."""
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Pinhole camera: a point (x, y, z) in camera axes is seen at (cx + f x/z, cy + f y/z) px."""
+
+    width: int
+    height: int
+    focal_px: float
+    """Focal length [px], the same in both directions."""
+    centre_px: tuple[float, float]
+    """Principal point (u, v) [px]; the centre of the first pixel is (0, 0)."""
+
+    @property
+    def matrix(self) -> Vector:
+        """Camera matrix K, 3x3 [px]."""
+        (cx, cy), f = self.centre_px, self.focal_px
+        return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """One picture as it was delivered."""
+
+    image: Image | None
+    """RGB, height x width x 3; None where the target is taken from the truth instead."""
+    t_capture: float
+    """When it was exposed, as far as the camera knows [s]: t_available less the nominal latency."""
+    t_available: float
+    """When it was delivered [s]."""
+    seq: int
+    """Number of the exposure, from 0; gaps are frames that never arrived."""
+    dropped: int
+    """Exposures between the frame returned before this and this one: lost, or overtaken."""
+
+
+class Camera(Protocol):
+    """A source of frames."""
+
+    @property
+    def calibration(self) -> Calibration:
+        """Its geometry."""
+
+    def latest(self) -> Frame | None:
+        """Return the newest frame delivered so far, None before the first; never blocks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardGeometry:
+    """Where things are on the printed target board, in its own frame [m]."""
+
+    dictionary: str
+    """Name of the OpenCV ArUco dictionary."""
+    markers: tuple[tuple[int, float, float], ...]
+    """Each marker's id and the centre (x, y) of its square."""
+    marker_size_m: float
+    """Side of every marker, black border included."""
+    size_m: float
+    """Side of the square board."""
+    target: tuple[float, float] = (0.0, 0.0)
+    """The point that shall be kept in the image centre."""
+
+    def corners(self) -> dict[int, Vector]:
+        """Corners of each marker, 4x3 [m]: top left, top right, bottom right, bottom left."""
+        h = self.marker_size_m / 2
+        square = np.array([[-h, -h, 0], [h, -h, 0], [h, h, 0], [-h, h, 0]])
+        return {marker: square + [x, y, 0] for marker, x, y in self.markers}
+
+
+# --- poses and truth ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Position and orientation of a rigid body in the base frame at time `t`."""
+
+    t: float
+    position: tuple[float, float, float]
+    """[m]"""
+    quaternion: tuple[float, float, float, float]
+    """Scalar first, base_from_body."""
+
+
+class PoseTracker(Protocol):
+    """An outside measurement of the tip pose, such as an optical tracker."""
+
+    def latest(self) -> Pose | None:
+        """Return the newest pose delivered so far; never blocks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant:
+    """True state of a simulated endoscope at one instant, in the base frame."""
+
+    bend_rad: tuple[float, float]
+    """Bend of the section: components (up_down, left_right) of the tip's rotation vector [rad]."""
+    tip: Pose
+    """Pose of the tip camera, OpenCV axes."""
+    board: Pose
+    """Pose of the board."""
+    backbone: Vector
+    """Points along the section from its base to the camera, n x 3 [m]."""
+    tension_handle_n: tuple[float, ...]
+    """Tension of the wires up, right, down, left at the handle [N]."""
+    tension_section_n: tuple[float, ...]
+    """The same where they enter the bending section [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruthSample:
+    """What only a simulation can know, at one instant."""
+
+    t: float
+    """The instant [s]."""
+    target_px: tuple[float, float]
+    """Exact projection of the target [px], also outside the picture; NaN behind the camera."""
+    in_picture: bool
+    """Whether that lies within the picture."""
+    distance_m: float
+    """Depth of the target along the optical axis [m]."""
+    error_deg: float
+    """Angle between the optical axis and the ray to the target [deg]."""
+    plant: Plant
+
+
+class Truth(Protocol):
+    """Access to the truth, for metrics, for the oracle and for vision without pictures."""
+
+    def now(self) -> TruthSample:
+        """Return the truth at the clock's present time."""
+
+    def at_exposure(self, seq: int) -> TruthSample:
+        """Return the truth at the exposure of frame `seq`, for frames of the last seconds.
+
+        Raises:
+            LookupError: that frame is not remembered.
+        """
+
+
+class Rig(Protocol):
+    """A clock, handles and a camera: everything a target lock needs, simulated or real."""
+
+    @property
+    def clock(self) -> Clock:
+        """Its one clock."""
+
+    @property
+    def actuators(self) -> Actuators:
+        """The handles, guarded."""
+
+    @property
+    def camera(self) -> Camera:
+        """The tip camera."""
+
+    @property
+    def overview(self) -> Camera | None:
+        """A fixed camera that sees section and board, where there is one."""
+
+    @property
+    def board(self) -> BoardGeometry:
+        """The target board in front of the tip."""
+
+    @property
+    def tracker(self) -> PoseTracker | None:
+        """A pose tracker, where there is one."""
+
+    @property
+    def truth(self) -> Truth | None:
+        """The truth; None on hardware."""

@@ -1,0 +1,324 @@
+"""Stands in front of every handle drive and makes it a safe `Actuators`.
+
+A drive only transfers goals and measurements. Modes, limits, slew, refusal of NaN, expiry of
+commands, following error and latched faults live here, once, so that a simulated run exercises the
+same safety code as a bench. Laboratory software, not a medical device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from types import TracebackType
+from typing import Protocol, Self
+
+from endolock.hw.api import (
+    Clock,
+    Command,
+    CommandError,
+    DeviceFault,
+    HardwareError,
+    Limits,
+    LinkLost,
+    Mode,
+    State,
+    StateError,
+)
+from endolock.hw.history import History
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What a drive measured in one transfer."""
+
+    t: float
+    t_err: float
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    current: tuple[float, ...]
+    fresh: bool
+    """False where no answer came; the measurements then are the last ones."""
+    device_tick: int
+
+
+class Drive(Protocol):
+    """The motors behind a guard. It may raise `DeviceFault`; everything else is the guard's."""
+
+    axes: tuple[str, ...]
+    limits: Limits
+    clock: Clock
+
+    def open(self) -> None:
+        """Get hold of the device, torque off."""
+
+    def transfer(self, goal: tuple[float, ...] | None) -> Reading:
+        """Send a goal [rad], or none, and measure."""
+
+    def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the nearest goal that the device can hold [rad]."""
+
+    def torque(self, on: bool) -> None:
+        """Switch torque on or off."""
+
+    def zero(self) -> None:
+        """Make the present position the zero of every axis."""
+
+    def close(self) -> None:
+        """Torque off, let go of the device."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardSettings:
+    """When a guard steps in."""
+
+    following_error_rad: float = 0.5
+    """A handle this far from its goal [rad] ... Assumed: at full speed a servo lags by 0.1 rad, and
+    a blocked handle is off by 0.5 rad after 0.15 s."""
+    following_time_s: float = 0.2
+    """... for this long [s] is a fault. Assumed."""
+    max_age_s: float = 0.1
+    """Without a fresh state for longer than this [s] the link counts as lost. Assumed."""
+    max_slew_step_s: float = 0.1
+    """After a pause the goal moves at most as far as in this time [s]. Assumed."""
+
+
+class Guard:
+    """Actuators made of a drive and the rules of safe motion.
+
+    Args:
+        drive: what moves the handles.
+        settings: the rules; the defaults if None.
+    """
+
+    def __init__(self, drive: Drive, settings: GuardSettings | None = None) -> None:
+        self._drive = drive
+        self._settings = settings or GuardSettings()
+        self._history = History()
+        self._mode = Mode.DISCONNECTED
+        self._fault: HardwareError | None = None
+        self._goal: tuple[float, ...] = ()
+        self._wanted: tuple[float, ...] = ()
+        self._expires = self._slewed_at = self._fresh_at = 0.0
+        self._off_since: list[float | None] = [None] * len(drive.axes)
+        self._seq = 0
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that stamps the states."""
+        return self._drive.clock
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axis names, in the order of every tuple here."""
+        return self._drive.axes
+
+    @property
+    def limits(self) -> Limits:
+        """What may be asked for."""
+        return self._drive.limits
+
+    @property
+    def mode(self) -> Mode:
+        """Present mode."""
+        return self._mode
+
+    def connect(self) -> None:
+        """Open the drive; afterwards the mode is DISABLED, also where it was open already."""
+        if self._mode is Mode.DISCONNECTED:
+            self._drive.open()
+            self._mode = Mode.DISABLED
+
+    def home(self) -> None:
+        """Make the present position the zero of both axes; see `Actuators.home`."""
+        if self._mode is not Mode.DISABLED:
+            raise self._state_error(f"cannot home while {self._mode}; disable() first")
+        self._drive.zero()
+
+    def enable(self) -> State:
+        """Switch torque on without a jump; see `Actuators.enable`."""
+        if self._mode is Mode.DISCONNECTED:
+            raise self._state_error("cannot enable before connect()")
+        if self._fault is not None:
+            raise self._state_error(f"cannot enable: {self._fault}; call clear_fault() first")
+        now = self.clock.now()
+        reading = self._drive.transfer(None)
+        self._goal = self._wanted = self._drive.quantise(reading.position)
+        self._slewed_at = self._fresh_at = self._expires = now
+        self._off_since = [None] * len(self.axes)
+        reading = self._drive.transfer(self._goal)  # the goal is in place before torque comes on
+        self._drive.torque(True)
+        self._mode = Mode.HOLDING
+        return self._remember(reading, (0,) * len(self.axes))
+
+    def exchange(self, command: Command | None) -> State:
+        """Send a command and read the state; see `Actuators.exchange`."""
+        if self._mode is Mode.DISCONNECTED:
+            raise self._state_error("cannot exchange before connect()")
+        if self._fault is not None:
+            raise self._fault
+        now = self.clock.now()
+        if command is not None:
+            self._accept(command, now)
+        elif self._mode is Mode.ENABLED and now > self._expires:
+            self._freeze()
+        driven = self._mode in (Mode.ENABLED, Mode.HOLDING)
+        clipped = self._slew(command, now) if driven else (0,) * len(self.axes)
+        try:
+            reading = self._drive.transfer(self._goal if driven else None)
+            self._check_age(reading, now)
+            if driven:
+                self._check_following(reading, now)
+        except (DeviceFault, LinkLost) as fault:
+            self._latch(fault)
+            raise
+        return self._remember(reading, clipped)
+
+    def history(self, t: float) -> State:
+        """Return the state at a past time; see `Actuators.history`."""
+        return self._history.at(t)
+
+    def hold(self) -> None:
+        """Stop where the handles are and keep torque on; without effect where it is off."""
+        if self._mode is Mode.ENABLED:
+            self._freeze()
+
+    def disable(self) -> None:
+        """Switch torque off."""
+        if self._mode is not Mode.DISCONNECTED:
+            self._drive.torque(False)
+            self._mode = Mode.FAULT if self._fault else Mode.DISABLED
+
+    def clear_fault(self) -> None:
+        """Forget a latched fault; the motors stay off until `enable()`."""
+        if self._fault is not None:
+            self._fault = None
+            self.disable()
+
+    def close(self) -> None:
+        """Torque off and let go of the drive; may be called twice."""
+        if self._mode is not Mode.DISCONNECTED:
+            self._mode = Mode.DISCONNECTED
+            self._drive.close()
+
+    def __enter__(self) -> Self:
+        """Connect."""
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close, without hiding an exception on its way out."""
+        try:
+            self.close()
+        except HardwareError:
+            if error is None:
+                raise
+
+    def _accept(self, command: Command, now: float) -> None:
+        if self._mode not in (Mode.ENABLED, Mode.HOLDING):
+            raise self._state_error(f"cannot move while {self._mode}; call enable() first")
+        position = tuple(float(p) for p in command.position)
+        if len(position) != len(self.axes):
+            raise CommandError(
+                f"command has {len(position)} positions; give {len(self.axes)}: "
+                + ", ".join(self.axes),
+                t=now,
+            )
+        for axis, value in zip(self.axes, position, strict=True):
+            if not isfinite(value):
+                raise CommandError(
+                    f"command for {axis} is {value}; give a finite angle in rad "
+                    "(the previous goal stays)",
+                    t=now,
+                    axis=axis,
+                )
+        self._wanted = tuple(
+            min(max(p, low), high)
+            for p, (low, high) in zip(position, self.limits.position_rad, strict=True)
+        )
+        self._expires = now + command.valid_for
+        self._mode = Mode.ENABLED
+
+    def _slew(self, command: Command | None, now: float) -> tuple[int, ...]:
+        """Move the goal towards what is wanted as fast as allowed; say where it fell short."""
+        step = min(now - self._slewed_at, self._settings.max_slew_step_s)
+        self._slewed_at = now
+        moved = []
+        for goal, wanted, speed in zip(
+            self._goal, self._wanted, self.limits.velocity_rad_s, strict=True
+        ):
+            reach = speed * step
+            moved.append(min(max(wanted, goal - reach), goal + reach))
+        # The goal goes on from the unrounded value: rounding must not eat slow motion.
+        self._goal = tuple(moved)
+        asked = self._wanted if command is None else tuple(command.position)
+        return tuple((a > g) - (a < g) for a, g in zip(asked, self._goal, strict=True))
+
+    def _freeze(self) -> None:
+        self._wanted = self._goal
+        self._mode = Mode.HOLDING
+
+    def _check_age(self, reading: Reading, now: float) -> None:
+        if reading.fresh:
+            self._fresh_at = now
+        elif now - self._fresh_at > self._settings.max_age_s:
+            raise LinkLost(
+                f"no answer from the handles for {now - self._fresh_at:.3f} s; the goal is frozen; "
+                "check cable and power, then clear_fault() and enable()",
+                t=now,
+            )
+
+    def _check_following(self, reading: Reading, now: float) -> None:
+        settings = self._settings
+        for i, axis in enumerate(self.axes):
+            error = self._goal[i] - reading.position[i]
+            if abs(error) <= settings.following_error_rad:
+                self._off_since[i] = None
+                continue
+            since = self._off_since[i]
+            if since is None:
+                self._off_since[i] = now
+            elif now - since > settings.following_time_s:
+                raise DeviceFault(
+                    f"handle {axis} is {error:+.2f} rad from its goal for more than "
+                    f"{settings.following_time_s:g} s; the goal is frozen where it stands; free "
+                    "the handle, then clear_fault() and enable()",
+                    kind="following",
+                    t=now,
+                    axis=axis,
+                )
+
+    def _latch(self, fault: HardwareError) -> None:
+        """Remember a fault and stop pushing: the goal becomes where the handles are."""
+        self._fault = fault
+        self._mode = Mode.FAULT
+        try:
+            self._goal = self._wanted = self._drive.transfer(None).position
+            self._drive.transfer(self._goal)
+        except HardwareError as second:
+            fault.add_note(f"and the handles could not be told to hold: {second}")
+
+    def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
+        state = State(
+            t=reading.t,
+            t_err=reading.t_err,
+            seq=self._seq,
+            position=reading.position,
+            velocity=reading.velocity,
+            current=reading.current,
+            target=self._drive.quantise(self._goal) if self._goal else reading.position,
+            clipped=clipped,
+            fresh=reading.fresh,
+            mode=self._mode,
+            device_tick=reading.device_tick,
+        )
+        self._seq += 1
+        self._history.append(state)
+        return state
+
+    def _state_error(self, message: str) -> StateError:
+        return StateError(message, t=self.clock.now())

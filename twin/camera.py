@@ -1,0 +1,131 @@
+"""The twin's cameras: EGL pictures, and the video chain that delivers them late.
+
+A frame exposed at t is delivered at t + latency (+ jitter). What the camera believes of the
+exposure, `Frame.t_capture`, is the delivery time less the nominal latency: on a bench nothing more
+is known.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import mujoco
+import numpy as np
+
+from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
+from endolock.twin import scene
+from endolock.vision import camera_model
+
+
+class Renderer:
+    """Draws what a camera of the model sees, fast rather than fancy.
+
+    The OpenGL context is made with the first picture, in the thread that asks for it.
+
+    Args:
+        model: the compiled scene.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._option = mujoco.MjvOption()
+        self._option.tendongroup[:] = 0  # hidden in the rings, and a third of the drawing time
+        self._option.sitegroup[:] = 0
+
+    def draw(self, data: mujoco.MjData, camera: int, width: int, height: int) -> Image:
+        """Draw one picture, RGB; positions of bodies, cameras and lights must be current.
+
+        Raises:
+            ConfigError: there is no way to render off-screen here.
+        """
+        renderer = self._renderers.get((width, height))
+        if renderer is None:
+            renderer = self._renderers[width, height] = self._make(width, height)
+        renderer.update_scene(data, camera, self._option)
+        picture: Image = renderer.render()
+        return picture
+
+    def close(self) -> None:
+        """Give the OpenGL contexts back."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
+
+    def _make(self, width: int, height: int) -> mujoco.Renderer:
+        try:
+            renderer = mujoco.Renderer(self._model, height, width)
+        except Exception as error:  # whatever the OpenGL platform in use raises
+            raise ConfigError(
+                f"cannot render a picture off-screen ({error or type(error).__name__}); install "
+                "EGL (Debian and Ubuntu: apt install libegl1 libgl1), or use --vision truth"
+            ) from error
+        renderer.scene.flags[:] = 0
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
+        return renderer
+
+
+class TwinCamera:
+    """A camera whose frames arrive late, sometimes irregularly, sometimes never.
+
+    Args:
+        calibration: its geometry.
+        clock: tells what has arrived.
+        latency_s: exposure to delivery [s], also what the camera believes.
+        jitter_s: the latency varies evenly by +- this [s].
+        jitter: random numbers for it.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        clock: Clock,
+        *,
+        latency_s: float,
+        jitter_s: float,
+        jitter: np.random.Generator,
+    ) -> None:
+        self._calibration, self._clock = calibration, clock
+        self._latency_s, self._jitter_s, self._jitter = latency_s, jitter_s, jitter
+        self._line: deque[tuple[float, int, Image | None]] = deque()
+        self._newest: Frame | None = None
+        self._last_available = 0.0
+
+    @property
+    def calibration(self) -> Calibration:
+        """Its geometry."""
+        return self._calibration
+
+    def expose(self, seq: int, t: float, image: Image | None) -> None:
+        """Send the picture exposed at `t` [s] on its way."""
+        available = t + self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
+        # A video chain delivers in order.
+        self._last_available = available = max(available, t, self._last_available)
+        self._line.append((available, seq, image))
+
+    def latest(self) -> Frame | None:
+        """Return the newest frame delivered so far, None before the first."""
+        now = self._clock.now() + 1e-9
+        arrived = None
+        while self._line and self._line[0][0] <= now:
+            arrived = self._line.popleft()
+        if arrived:
+            available, seq, image = arrived
+            self._newest = Frame(
+                image=image,
+                t_capture=available - self._latency_s,
+                t_available=available,
+                seq=seq,
+                dropped=seq - 1 - (self._newest.seq if self._newest else -1),
+            )
+        return self._newest
+
+
+def of_model(model: mujoco.MjModel, name: str, width: int, height: int) -> tuple[int, Calibration]:
+    """Look up a camera of the model; return its number and its geometry in a picture of that size.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    index = scene.camera_id(model, name)
+    return index, camera_model.from_fovy(width, height, float(model.cam_fovy[index]))

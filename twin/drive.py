@@ -1,0 +1,82 @@
+"""The twin's handle motors as a guard sees them: goals in, encoder readings out."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from endolock.hw.api import AXES, Clock, Limits
+from endolock.hw.guard import Reading
+from endolock.twin.plant import TwinPlant
+
+
+class TwinDrive:
+    """Two rate-limited position servos with encoders of finite resolution.
+
+    Args:
+        plant: the handles belong to it.
+        clock: stamps the readings.
+    """
+
+    axes = AXES
+
+    def __init__(self, plant: TwinPlant, clock: Clock) -> None:
+        self.clock = clock
+        self._plant = plant
+        self._step = plant.instrument.encoder_step_rad
+        reach, speed = plant.instrument.handle_range_rad, plant.instrument.handle_speed_rad_s
+        self.limits = Limits(position_rad=((-reach, reach),) * 2, velocity_rad_s=(speed,) * 2)
+        model = plant.model
+        joints = [model.joint(f"handle_{axis}") for axis in AXES]
+        motors = [model.actuator(f"motor_{axis}") for axis in AXES]
+        self._position = np.array([int(j.qposadr[0]) for j in joints])
+        self._velocity = np.array([int(j.dofadr[0]) for j in joints])
+        self._motor = np.array([m.id for m in motors])
+        self._setpoint = np.array([int(m.actadr[0]) for m in motors])
+        self._zero = (0.0, 0.0)
+        self._torque_on(False)
+
+    def open(self) -> None:
+        """Nothing to do: the twin is always there."""
+
+    def transfer(self, goal: tuple[float, ...] | None) -> Reading:
+        """Send a goal [rad], or none, and measure."""
+        data = self._plant.data
+        if goal is not None:
+            data.ctrl[self._motor] = np.add(self.quantise(goal), self._zero)
+        position = data.qpos[self._position] - self._zero
+        current = data.actuator_force[self._motor] / self._plant.instrument.torque_constant
+        t = self.clock.now()
+        return Reading(
+            t=t,
+            t_err=0.0,
+            position=self.quantise(tuple(position.tolist())),
+            velocity=tuple(data.qvel[self._velocity].tolist()),
+            current=tuple(current.tolist()),
+            fresh=True,
+            device_tick=round(t * 1000),
+        )
+
+    def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the nearest encoder position [rad]."""
+        return tuple(round(g / self._step) * self._step for g in goal)
+
+    def torque(self, on: bool) -> None:
+        """Switch torque on or off; it comes on with the servo's ramp at the present position."""
+        if on:
+            data = self._plant.data
+            data.act[self._setpoint] = data.qpos[self._position]
+        self._torque_on(on)
+
+    def zero(self) -> None:
+        """Make the present position the zero of both axes."""
+        x, y = self.quantise(tuple(self._plant.data.qpos[self._position].tolist()))
+        self._zero = (x, y)
+
+    def close(self) -> None:
+        """Torque off."""
+        self._torque_on(False)
+
+    def _torque_on(self, on: bool) -> None:
+        # Motors are in actuator group 0, the model's only one.
+        self._plant.model.opt.disableactuator = 0 if on else 1

@@ -1,0 +1,15 @@
+"""Independent random numbers for each source of noise, from one seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def generator(seed: int, source: str) -> np.random.Generator:
+    """Make the generator of one named source; switching another one on or off leaves it alone.
+
+    Args:
+        seed: of the run, >= 0.
+        source: name of what is random, for example "camera.jitter".
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(source.encode())))

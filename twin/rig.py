@@ -1,0 +1,162 @@
+"""The whole twin as a rig: clock, guarded handles, late camera, truth.
+
+Physics moves only while somebody sleeps on the clock. Exposures and friction renewals stand at
+fixed points of the physics grid, so cutting a sleep into pieces changes no bit.
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from endolock.hw.api import BoardGeometry, ConfigError
+from endolock.hw.guard import Guard
+from endolock.twin import board as boards
+from endolock.twin import camera, scenario
+from endolock.twin.drive import TwinDrive
+from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.plant import TwinPlant
+from endolock.twin.randomness import generator
+from endolock.twin.scenario import Scenario
+from endolock.twin.truth import TwinTruth
+
+
+class TwinClock:
+    """Simulated time: sleeping on it makes the twin move.
+
+    Args:
+        rig: is told to advance.
+        timestep_s: its grid [s].
+    """
+
+    realtime = False
+
+    def __init__(self, rig: TwinRig, timestep_s: float) -> None:
+        self._rig, self.timestep_s = rig, timestep_s
+
+    def now(self) -> float:
+        """Time since the rig was made [s]."""
+        return self._rig.plant.t
+
+    def sleep_until(self, t: float) -> float:
+        """Advance to the first grid point at or after `t` [s] and return its time."""
+        self._rig.advance(ceil(t / self.timestep_s - 1e-6))
+        return self.now()
+
+
+class TwinRig:
+    """A simulated endoscope that steers like a real one.
+
+    Args:
+        scenario: name, TOML file or loaded scenario.
+        instrument: what the endoscope is made of; `pretensioned` if None.
+        numerics: how finely it is simulated; the defaults if None.
+        seed: of every random number, >= 0.
+        pictures: whether frames carry pictures; without, vision must take the truth.
+        overview: whether the fixed camera takes pictures too.
+
+    Raises:
+        ConfigError: the scenario cannot be used.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "straight",
+        *,
+        instrument: Instrument | None = None,
+        numerics: Numerics | None = None,
+        seed: int = 0,
+        pictures: bool = True,
+        overview: bool = False,
+    ) -> None:
+        if seed < 0:
+            raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
+        self.scenario = load(scenario)
+        self.board: BoardGeometry = boards.standard()
+        self.tracker = None
+        self.plant = TwinPlant(self.scenario, instrument or Instrument(), numerics or Numerics())
+        self.clock = TwinClock(self, self.plant.timestep_s)
+        self.actuators = Guard(TwinDrive(self.plant, self.clock))
+
+        video = self.scenario.camera
+        size = video.width, video.height
+        model = self.plant.model
+        self._tip, calibration = camera.of_model(model, "tip", *size)
+        self.camera = camera.TwinCamera(
+            calibration,
+            self.clock,
+            latency_s=video.latency_s,
+            jitter_s=video.jitter_s,
+            jitter=generator(seed, "camera.jitter"),
+        )
+        self._fixed, fixed_calibration = camera.of_model(model, "overview", 640, 480)
+        self.overview: camera.TwinCamera | None = None
+        if overview and pictures:
+            self.overview = camera.TwinCamera(
+                fixed_calibration,
+                self.clock,
+                latency_s=0.0,
+                jitter_s=0.0,
+                jitter=generator(seed, "overview.jitter"),
+            )
+        # Frames under way, and a second more for who asks late.
+        under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
+        self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
+        self._renderer = camera.Renderer(model) if pictures else None
+        self._drops = generator(seed, "camera.drops")
+        self._exposed = 0
+
+    def advance(self, step: int) -> None:
+        """Move the physics up to a grid point, exposing frames on the way."""
+        if self._exposed == 0:
+            self._expose()
+        while self.plant.step_count < step:
+            due = self._exposure_step(self._exposed)
+            self.plant.advance(min(step, due))
+            if self.plant.step_count == due:
+                self._expose()
+
+    def close(self) -> None:
+        """Switch the handles off and give the OpenGL context back; may be called twice."""
+        self.actuators.close()
+        if self._renderer:
+            self._renderer.close()
+
+    def __enter__(self) -> Self:
+        """Connect the handles."""
+        self.actuators.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _exposure_step(self, seq: int) -> int:
+        return round(seq / self.scenario.camera.frame_rate_hz / self.clock.timestep_s)
+
+    def _expose(self) -> None:
+        seq, t = self._exposed, self.plant.t
+        self._exposed += 1
+        self.truth.expose(seq)
+        if self._drops.random() < self.scenario.camera.drop_fraction:
+            return
+        image = None
+        if self._renderer:
+            video, data = self.scenario.camera, self.plant.data
+            image = self._renderer.draw(data, self._tip, video.width, video.height)
+            if self.overview:
+                fixed = self._renderer.draw(data, self._fixed, 640, 480)
+                self.overview.expose(seq, t, fixed)
+        self.camera.expose(seq, t, image)
+
+
+def load(source: str | Path | Scenario) -> Scenario:
+    """Return a scenario, read first where it is given by name or file."""
+    return source if isinstance(source, Scenario) else scenario.load(source)

@@ -1,0 +1,182 @@
+"""What happens in a run: how the board moves and what the camera does, from a TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib.resources import files
+from math import cos, pi, radians, sin
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from endolock.hw.api import ConfigError
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Strokes(_Section):
+    """One-sided strokes along a line, s = travel/2 (1 - cos(2 pi t / period))."""
+
+    kind: Literal["strokes"]
+    direction_deg: float = 0.0
+    """In the picture: 0 right, 90 up [deg]."""
+    travel_m: float = Field(ge=0)
+    """Longest distance from the start [m]."""
+    period_s: float = Field(gt=0)
+    """Out and back [s]."""
+
+    def offset(self, t: float) -> tuple[float, float]:
+        """Displacement (right, down) at time `t` [m]."""
+        s = self.travel_m / 2 * (1 - cos(2 * pi * t / self.period_s))
+        angle = radians(self.direction_deg)
+        return s * cos(angle), -s * sin(angle)
+
+
+class Circle(_Section):
+    """A circle around the optical axis at rest, clockwise in the picture, starting at its right."""
+
+    kind: Literal["circle"]
+    radius_m: float = Field(ge=0)
+    """[m]"""
+    period_s: float = Field(gt=0)
+    """Once around [s]."""
+
+    def offset(self, t: float) -> tuple[float, float]:
+        """Displacement (right, down) at time `t` [m]."""
+        phase = 2 * pi * t / self.period_s
+        return self.radius_m * cos(phase), self.radius_m * sin(phase)
+
+
+class Board(_Section):
+    """Where the board stands before it moves."""
+
+    distance_m: float = Field(default=0.12, gt=0.005, lt=1.5)
+    """Depth ahead of the tip camera at rest [m]. Source: 12 cm, thesis ch. 6."""
+
+
+class Camera(_Section):
+    """Tip camera and video chain."""
+
+    width: int = Field(default=640, ge=16, le=4096)
+    """[px]"""
+    height: int = Field(default=480, ge=16, le=4096)
+    """[px]"""
+    fovy_deg: float = Field(default=85.0, gt=1, lt=170)
+    """Full vertical field of view [deg]. Assumed; f = 262 px at 480 rows."""
+    frame_rate_hz: float = Field(default=25.0, gt=0, le=200)
+    """Exposures per second [Hz]. Assumed."""
+    latency_s: float = Field(default=0.4, ge=0, le=5)
+    """Exposure to delivery [s]. Source: 0.4 s loop latency, thesis ch. 7; all of it in the video
+    chain: assumed."""
+    jitter_s: float = Field(default=0.0, ge=0, le=1)
+    """The latency varies evenly by +- this [s]. Assumed."""
+    drop_fraction: float = Field(default=0.0, ge=0, lt=1)
+    """Share of the frames that never arrive [1]. Assumed."""
+
+
+class Scenario(_Section):
+    """A whole run; every value can be given in a TOML file of the same shape."""
+
+    name: str
+    """From the file's name."""
+    summary: str = ""
+    """One line for people."""
+    duration_s: float = Field(default=25.0, gt=0, le=86400)
+    """[s]"""
+    scored_from_s: float = Field(default=0.0, ge=0)
+    """The score leaves out what comes before [s]."""
+    shaft_bend_deg: float = Field(default=180.0, ge=-1080, le=1080)
+    """Bend of the shaft, all in one plane [deg]. Assumed."""
+    board: Board = Board()
+    motion: tuple[Annotated[Strokes | Circle, Field(discriminator="kind")], ...] = ()
+    """Movements of the board within its plane; they add up."""
+    camera: Camera = Camera()
+
+    def offset(self, t: float) -> tuple[float, float]:
+        """Displacement of the board (right, down) at time `t` [m]."""
+        moves = [motion.offset(t) for motion in self.motion]
+        return sum(m[0] for m in moves), sum(m[1] for m in moves)
+
+
+def names() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    return sorted(f.name[:-5] for f in _folder().iterdir() if f.name.endswith(".toml"))
+
+
+def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """Read a scenario.
+
+    Args:
+        source: name of one that comes with the package, or a TOML file.
+        overrides: values by dotted key, such as {"camera.latency_s": 0.2}; they replace the file's.
+
+    Raises:
+        ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
+    """
+    text, name = _read(str(source))
+    try:
+        values: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"scenario {source} is not TOML: {error}; correct the file") from None
+    for key, value in (overrides or {}).items():
+        *sections, last = key.split(".")
+        place = values
+        for section in sections:
+            place = place.setdefault(section, {})
+            if not isinstance(place, dict):
+                raise ConfigError(f"scenario {source}: {section} is no section; write [{section}]")
+        place[last] = value
+    try:
+        return Scenario.model_validate({"name": name, **values})
+    except ValidationError as error:
+        raise ConfigError(f"scenario {name}: {_first(error)}") from None
+
+
+def _folder() -> Any:
+    return files("endolock") / "models" / "scenarios"
+
+
+def _read(source: str) -> tuple[str, str]:
+    if source in names():
+        return (_folder() / f"{source}.toml").read_text(encoding="utf-8"), source
+    path = Path(source)
+    if path.suffix == ".toml":
+        try:
+            return path.read_text(encoding="utf-8"), path.stem
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+            raise ConfigError(f"cannot read scenario {source}: {reason}; check the path") from None
+    near = get_close_matches(source, names(), 1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise ConfigError(
+        f"scenario '{source}' is unknown; use {', '.join(names())} or a .toml file{hint}"
+    )
+
+
+def _first(error: ValidationError) -> str:
+    """The first thing wrong, in one line."""
+    problem = error.errors()[0]
+    where = ".".join(str(part) for part in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        known = _keys(problem["loc"][:-1])
+        near = get_close_matches(str(problem["loc"][-1]), known, 1, cutoff=0.4)
+        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+        return f"unknown key {where}; {hint}"
+    text = problem["msg"].replace("Input should be", "should be")
+    got = "" if problem["type"] == "missing" else f", got {problem['input']!r}"
+    return f"{where}: {text}{got}"
+
+
+def _keys(place: tuple[int | str, ...]) -> list[str]:
+    """Keys that may stand at a place of a scenario file."""
+    model: type[BaseModel] = Scenario
+    kinds: dict[int | str, type[BaseModel]] = {"strokes": Strokes, "circle": Circle}
+    sections: dict[int | str, type[BaseModel]] = {"board": Board, "camera": Camera}
+    for part in place:
+        model = {**sections, **kinds}.get(part, model)
+    return [key for key in model.model_fields if key != "name"]
