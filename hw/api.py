@@ -9,11 +9,11 @@ straight from the front is aligned with the camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -410,3 +410,6 @@ class Rig(Protocol):
     @property
     def truth(self) -> Truth | None:
         """The truth; None on hardware."""
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return what a run folder must say of it: plain values, by section."""

@@ -6,10 +6,12 @@ fixed points of the physics grid, so cutting a sleep into pieces changes no bit.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from math import ceil
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from endolock.hw.api import BoardGeometry, ConfigError
 from endolock.hw.guard import Guard
@@ -21,6 +23,10 @@ from endolock.twin.plant import TwinPlant
 from endolock.twin.randomness import generator
 from endolock.twin.scenario import Scenario
 from endolock.twin.truth import TwinTruth
+
+
+OVERVIEW_SIZE = (480, 360)
+"""Pictures of the fixed camera, width and height [px]: for people, so half the price will do."""
 
 
 class TwinClock:
@@ -76,7 +82,8 @@ class TwinRig:
         self.scenario = load(scenario)
         self.board: BoardGeometry = boards.standard()
         self.tracker = None
-        self.plant = TwinPlant(self.scenario, instrument or Instrument(), numerics or Numerics())
+        self._numerics = numerics or Numerics()
+        self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics)
         self.clock = TwinClock(self, self.plant.timestep_s)
         self.actuators = Guard(TwinDrive(self.plant, self.clock))
 
@@ -91,7 +98,7 @@ class TwinRig:
             jitter_s=video.jitter_s,
             jitter=generator(seed, "camera.jitter"),
         )
-        self._fixed, fixed_calibration = camera.of_model(model, "overview", 640, 480)
+        self._fixed, fixed_calibration = camera.of_model(model, "overview", *OVERVIEW_SIZE)
         self.overview: camera.TwinCamera | None = None
         if overview and pictures:
             self.overview = camera.TwinCamera(
@@ -117,6 +124,16 @@ class TwinRig:
             self.plant.advance(min(step, due))
             if self.plant.step_count == due:
                 self._expose()
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return scenario, instrument, numerics, camera and board as plain values."""
+        return {
+            "scenario": self.scenario.model_dump(),
+            "instrument": asdict(self.plant.instrument),
+            "numerics": asdict(self._numerics),
+            "calibration": asdict(self.camera.calibration),
+            "board": asdict(self.board),
+        }
 
     def close(self) -> None:
         """Switch the handles off and give the OpenGL context back; may be called twice."""
@@ -152,7 +169,7 @@ class TwinRig:
             video, data = self.scenario.camera, self.plant.data
             image = self._renderer.draw(data, self._tip, video.width, video.height)
             if self.overview:
-                fixed = self._renderer.draw(data, self._fixed, 640, 480)
+                fixed = self._renderer.draw(data, self._fixed, *OVERVIEW_SIZE)
                 self.overview.expose(seq, t, fixed)
         self.camera.expose(seq, t, image)
 

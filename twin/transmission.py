@@ -22,6 +22,7 @@ from math import cosh, hypot, sinh, tanh
 import mujoco
 import numpy as np
 
+from endolock.hw.api import AXES
 from endolock.twin.instrument import Instrument
 
 WIRES = ("up", "right", "down", "left")
@@ -79,19 +80,18 @@ class Transmission:
         nodes = [int(model.joint(f"slide_{wire}").dofadr[0]) for wire in WIRES]
         self._nodes = slice(nodes[0], nodes[-1] + 1)
         model.dof_invweight0[self._nodes] *= ROW_SOFTNESS
-        self._rest = model.tendon_lengthspring[self._tendons, 1].tolist()
-        joints = [model.joint(j) for j in range(model.njnt)]
-        self._up_down = np.array([j.qposadr[0] for j in joints if "hinge_up_down" in j.name])
-        self._left_right = np.array([j.qposadr[0] for j in joints if "hinge_left_right" in j.name])
+        self._rest = model.tendon_lengthspring[self._tendons, 1].copy()
+        self._bend_from_qpos = np.zeros((model.nq, 2))
+        for joint in (model.joint(j) for j in range(model.njnt)):
+            for axis, name in enumerate(AXES):
+                if joint.name.startswith(f"hinge_{name}"):
+                    self._bend_from_qpos[joint.qposadr[0], axis] = 1.0
 
     def tensions(self, data: mujoco.MjData) -> list[float]:
         """Tensions [N] of the wires at the handle, then at the section; lengths must be current."""
-        lengths = data.ten_length[self._tendons].tolist()
-        stiffness = self._model.tendon_stiffness[self._tendons].tolist()
-        return [
-            k * (x - x0) if x > x0 else 0.0
-            for k, x, x0 in zip(stiffness, lengths, self._rest, strict=True)
-        ]
+        stretch = np.maximum(data.ten_length[self._tendons] - self._rest, 0.0)
+        tensions: list[float] = (self._model.tendon_stiffness[self._tendons] * stretch).tolist()
+        return tensions
 
     def refresh(self, data: mujoco.MjData, shaft_bend_rad: float) -> None:
         """Write stiffness and friction for the present state into the model.
@@ -104,7 +104,7 @@ class Transmission:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
-        bend = hypot(data.qpos[self._up_down].sum(), data.qpos[self._left_right].sum())
+        bend = hypot(*(data.qpos @ self._bend_from_qpos).tolist())
         wrap_rad = wrap(self._instrument, shaft_bend_rad)
         proximal, distal = spring_stiffness(self._instrument, wrap_rad, bend)
         model.tendon_stiffness[self._tendons] = [proximal] * 4 + [distal] * 4

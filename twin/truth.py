@@ -26,9 +26,28 @@ class TwinTruth:
         self._target = (*board.target, 0.0)
         self._remember = remember
         self._exposures: dict[int, TruthSample] = {}
+        self._newest: tuple[int, TruthSample] | None = None
 
     def now(self) -> TruthSample:
         """Return the truth at the clock's present time."""
+        if self._newest is None or self._newest[0] != self._plant.step_count:
+            self._newest = self._plant.step_count, self._sample()
+        return self._newest[1]
+
+    def at_exposure(self, seq: int) -> TruthSample:
+        """Return the truth at the exposure of a frame; see `Truth.at_exposure`."""
+        try:
+            return self._exposures[seq]
+        except KeyError:
+            known = f"{min(self._exposures)}..{max(self._exposures)}" if self._exposures else "none"
+            raise LookupError(f"no truth for frame {seq}; remembered are {known}") from None
+
+    def expose(self, seq: int) -> None:
+        """Remember the truth of the exposure that happens now."""
+        self._exposures[seq] = self.now()
+        self._exposures.pop(seq - self._remember, None)
+
+    def _sample(self) -> TruthSample:
         plant = self._plant
         plant.move_board()
         position, rotation = plant.camera_pose()
@@ -44,16 +63,3 @@ class TwinTruth:
             error_deg=degrees(angle),
             plant=plant.state(),
         )
-
-    def at_exposure(self, seq: int) -> TruthSample:
-        """Return the truth at the exposure of a frame; see `Truth.at_exposure`."""
-        try:
-            return self._exposures[seq]
-        except KeyError:
-            known = f"{min(self._exposures)}..{max(self._exposures)}" if self._exposures else "none"
-            raise LookupError(f"no truth for frame {seq}; remembered are {known}") from None
-
-    def expose(self, seq: int) -> None:
-        """Remember the truth of the exposure that happens now."""
-        self._exposures[seq] = self.now()
-        self._exposures.pop(seq - self._remember, None)

@@ -1,0 +1,161 @@
+"""Scores of a run: how far the target was from the image centre, and what the handles did.
+
+`error_px` is the true error now, at every tick from `scored_from_s` on, also with the target
+outside the picture; `delayed_error_px` is what vision saw, the only one that a bench has. A target
+behind the camera, which has no pixel, counts with `BEHIND_PX`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from endolock.control.loop import Run, Seen, Tick
+from endolock.hw.api import Calibration, Vector
+from endolock.vision import camera_model
+from endolock.vision.observation import Status
+
+LOCKED_PX = 20.0
+LOCKED_FOR_S = 2.0
+"""The target counts as locked once its error stays below this for so long."""
+REVERSAL_RAD = 0.006
+"""A handle has reversed once it moved back by this [rad]: four counts of its encoder."""
+EXPOSURE_S = 0.020
+"""Exposure time for which motion blur is stated [s]. Assumed."""
+BEHIND_PX = 1e4
+"""Error of a target that is not ahead of the camera [px]."""
+
+
+def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str, Any]:
+    """Compute every metric of a run.
+
+    Args:
+        run: its ticks and frames.
+        calibration: of the tip camera; gives the image centre.
+        scored_from_s: ticks and frames before this time are left out of the errors [s].
+
+    Returns:
+        Plain numbers by name, None where nothing was measured; see docs of the run record.
+    """
+    ticks = [tick for tick in run.ticks if tick.t >= scored_from_s - 1e-9]
+    seen = [s for s in run.seen if s.frame.t_available >= scored_from_s - 1e-9]
+    accepted = [s for s in seen if s.observation.status is Status.TRACKING]
+    delayed = [_radius(calibration, s.observation.target_px) for s in accepted]
+    known = [tick.truth for tick in ticks if tick.truth]
+    error = np.array([_radius(calibration, truth.target_px) for truth in known])
+    degrees = np.array([truth.error_deg for truth in known])
+    return {
+        "frames": len(run.seen),
+        "frames_dropped": sum(s.frame.dropped for s in run.seen),
+        "detected_fraction": _share([s.observation.status is Status.TRACKING for s in run.seen]),
+        "lost_fraction": _share([tick.status is Status.LOST for tick in run.ticks]),
+        "time_to_lock_s": _time_to_lock(run.ticks, calibration),
+        "error_px": _summary(error),
+        "error_deg": {"rms": _rms(degrees), "max": _most(degrees)},
+        "delayed_error_px": _summary(np.array(delayed)),
+        "vision_error_px": _vision_error(accepted),
+        "handle": _handle(ticks),
+        "blur_px": _blur(ticks),
+    }
+
+
+def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
+    right, down = camera_model.offset(calibration, pixel)
+    return float(np.hypot(right, down)) if isfinite(right) else BEHIND_PX
+
+
+def _summary(error: Vector) -> dict[str, float | None]:
+    if not error.size:
+        return dict.fromkeys(("rms", "p95", "max", "mean", "within_20", "within_50"))
+    return {
+        "rms": _rms(error),
+        "p95": float(np.percentile(error, 95)),
+        "max": _most(error),
+        "mean": float(error.mean()),
+        "within_20": float((error <= 20).mean()),
+        "within_50": float((error <= 50).mean()),
+    }
+
+
+def _vision_error(accepted: Sequence[Seen]) -> dict[str, float | None]:
+    error = np.array(
+        [
+            np.hypot(*np.subtract(s.observation.target_px, s.truth.target_px))
+            for s in accepted
+            if s.truth
+        ]
+    )
+    return {"rms": _rms(error), "max": _most(error)}
+
+
+def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:
+    """First time after which the error stays below the bound for long enough [s]."""
+    since: float | None = None
+    for tick in ticks:
+        if not tick.truth or _radius(calibration, tick.truth.target_px) >= LOCKED_PX:
+            since = None
+        elif since is None:
+            since = tick.t
+        elif tick.t - since >= LOCKED_FOR_S - 1e-9:
+            return since - ticks[0].t
+    return None
+
+
+def _handle(ticks: Sequence[Tick]) -> dict[str, float | None]:
+    """Motion of both handles together, from the measured positions and speeds."""
+    if len(ticks) < 4:
+        names = ("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s")
+        return dict.fromkeys(names)
+    t = np.array([tick.state.t for tick in ticks])
+    position = np.array([tick.state.position for tick in ticks])
+    rate = np.array([tick.state.velocity for tick in ticks])
+    dt = (t[-1] - t[0]) / (len(t) - 1)
+    accel = np.diff(rate, axis=0) / dt
+    jerk = np.diff(accel, axis=0) / dt
+    reversals = sum(_reversals(axis.tolist()) for axis in position.T)
+    return {
+        "rate_rms": _rms(np.linalg.norm(rate, axis=1)),
+        "accel_rms": _rms(np.linalg.norm(accel, axis=1)),
+        "jerk_rms": _rms(np.linalg.norm(jerk, axis=1)),
+        "travel_rad": float(np.abs(np.diff(position, axis=0)).sum()),
+        "reversals_per_s": reversals / float(t[-1] - t[0]),
+    }
+
+
+def _reversals(position: list[float]) -> int:
+    """Count changes of direction, ignoring those smaller than `REVERSAL_RAD`."""
+    count, direction, extreme = 0, 0, position[0]
+    for p in position:
+        if direction * (p - extreme) > 0:
+            extreme = p
+        elif abs(p - extreme) >= REVERSAL_RAD:
+            count += direction != 0
+            direction, extreme = (1 if p > extreme else -1), p
+    return count
+
+
+def _blur(ticks: Sequence[Tick]) -> float | None:
+    """Mean motion of the target's image within one exposure [px]."""
+    pairs = [(a, b) for a, b in zip(ticks, ticks[1:], strict=False) if a.truth and b.truth]
+    speeds = [
+        np.hypot(*np.subtract(b.truth.target_px, a.truth.target_px)) / (b.t - a.t)
+        for a, b in pairs
+        if a.truth and b.truth
+    ]
+    finite = [s for s in speeds if isfinite(s)]
+    return float(np.mean(finite)) * EXPOSURE_S if finite else None
+
+
+def _share(facts: Sequence[bool]) -> float | None:
+    return float(np.mean(facts)) if facts else None
+
+
+def _rms(values: Vector) -> float | None:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else None
+
+
+def _most(values: Vector) -> float | None:
+    return float(values.max()) if values.size else None

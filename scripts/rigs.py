@@ -1,0 +1,51 @@
+"""Makes the rig and the eyes that the command line names."""
+
+from __future__ import annotations
+
+from endolock.hw.api import ConfigError
+from endolock.twin.rig import TwinRig
+from endolock.twin.scenario import Scenario
+from endolock.vision.markers import MarkerEyes
+from endolock.vision.observation import Eyes
+from endolock.vision.truth import TruthEyes
+
+RIGS = ("twin",)
+VISIONS = ("markers", "truth")
+INSTRUMENTS = ("pretensioned",)
+
+
+def make(
+    rig: str, scenario: Scenario, *, vision: str, instrument: str, seed: int, overview: bool
+) -> tuple[TwinRig, Eyes]:
+    """Make a rig, with its first picture taken, and what looks at its frames.
+
+    Args:
+        rig: kind of rig, one of `RIGS`.
+        scenario: what happens in front of it.
+        vision: kind of eyes, one of `VISIONS`; truth takes no pictures.
+        instrument: name of the endoscope, one of `INSTRUMENTS`.
+        seed: of every random number.
+        overview: whether a fixed camera takes pictures too.
+
+    Raises:
+        ConfigError: one of the names is unknown, or pictures cannot be rendered here.
+    """
+    one_of("rig", rig, RIGS)
+    one_of("vision", vision, VISIONS)
+    one_of("instrument", instrument, INSTRUMENTS)
+    pictures = vision != "truth"
+    twin = TwinRig(scenario, seed=seed, pictures=pictures, overview=overview)
+    twin.clock.sleep_until(0.0)
+    if pictures:
+        return twin, MarkerEyes(twin.camera.calibration, twin.board)
+    return twin, TruthEyes(twin.truth)
+
+
+def one_of(what: str, name: str, known: tuple[str, ...]) -> None:
+    """See that a name is known.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if name not in known:
+        raise ConfigError(f"{what} '{name}' is unknown; use {' or '.join(known)}")

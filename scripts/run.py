@@ -1,0 +1,248 @@
+"""`endolock run`: one scenario, one law, one run folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from endolock.control import laws, loop, metrics
+from endolock.hw.api import ConfigError
+from endolock.scripts import recorder, rigs
+from endolock.twin import scenario as scenarios
+
+PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
+"""Whose versions go into run.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Run one control law on one scenario and write a run folder."""
+
+    scenario: tyro.conf.Positional[str]
+    """straight, circle, rest, or a TOML file of the same form."""
+    controller: str = "pi"
+    """Control law: pi."""
+    rig: str = "twin"
+    """What to drive: twin."""
+    vision: str = "markers"
+    """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
+    instrument: str = "pretensioned"
+    """Which endoscope: pretensioned."""
+    latency_s: tyro.conf.DisallowNone[float | None] = None
+    """Exposure to delivery of a frame [s]; else the scenario's."""
+    duration_s: tyro.conf.DisallowNone[float | None] = None
+    """How long to run [s]; else the scenario's."""
+    scored_from_s: tyro.conf.DisallowNone[float | None] = None
+    """Leave what comes before out of the score [s]; else the scenario's."""
+    seed: int = 0
+    """Of every random number; the same seed gives the same tables."""
+    out: tyro.conf.DisallowNone[Path | None] = None
+    """Run folder, new or empty; else one below runs/ named by time."""
+    view: bool = False
+    """Open the run in the Rerun viewer afterwards."""
+    json: Annotated[
+        tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")
+    ] = None
+    """Write the run record there as JSON; - prints it, and nothing else, on standard output."""
+
+
+def main(request: Request) -> int:
+    """Carry out `endolock run`; return the exit code."""
+    from endolock.scripts import rrd, view  # Rerun takes a second to load
+
+    check_json(request.json)
+    console = Console(stderr=request.json == "-")
+    record, folder = perform(request)
+    with console.status("writing run.rrd"):
+        rrd.derive(folder)
+    write_json(record, request.json)
+    if request.json != "-":
+        console.print(table([record]))
+        console.print(f"run folder: {folder}", soft_wrap=True, highlight=False)
+    if request.view:
+        view.show(folder, console)
+    return 130 if record["interrupted"] else 0
+
+
+def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, Any], Path]:
+    """Run, score, and complete the run folder.
+
+    Returns:
+        The run record and the run folder.
+
+    Raises:
+        ConfigError: the request cannot be carried out; nothing was written.
+        HardwareError: the handles stopped; the folder holds everything up to there.
+    """
+    overrides = {
+        "camera.latency_s": request.latency_s,
+        "duration_s": request.duration_s,
+        "scored_from_s": request.scored_from_s,
+    }
+    given = {key: value for key, value in overrides.items() if value is not None}
+    scenario = scenarios.load(request.scenario, given)
+    if scenario.scored_from_s >= scenario.duration_s:
+        raise ConfigError(
+            f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
+            f"{scenario.duration_s:g} s; use a smaller one or a longer duration_s"
+        )
+    rig, eyes = rigs.make(
+        request.rig,
+        scenario,
+        vision=request.vision,
+        instrument=request.instrument,
+        seed=request.seed,
+        overview=True,
+    )
+    with rig:
+        controller = laws.make(request.controller, rig.camera.calibration)
+        name = f"{scenario.name}-{request.controller}"
+        path = request.out or recorder.new_path(Path("runs"), name)
+        configuration = {
+            "run": {k: v for k, v in _request_values(request).items() if k not in ("json", "view")},
+            **rig.describe(),
+            "versions": {p: version(p) for p in PACKAGES} | {"python": platform.python_version()},
+        }
+        folder = recorder.RunFolder(path, configuration)
+        start = time.perf_counter()
+        try:
+            with progress(f"{name}", scenario.duration_s, show_progress) as tell:
+                result = loop.run(
+                    rig,
+                    eyes,
+                    controller,
+                    duration_s=scenario.duration_s,
+                    recorder=folder,
+                    progress=tell,
+                )
+        finally:
+            folder.close()
+        wall_s = time.perf_counter() - start
+        ran_s = result.ticks[-1].t - result.ticks[0].t if result.ticks else 0.0
+        record = {
+            "scenario": scenario.name,
+            "controller": request.controller,
+            "rig": request.rig,
+            "instrument": request.instrument,
+            "vision": request.vision,
+            "seed": request.seed,
+            "duration_s": ran_s,
+            "scored_from_s": scenario.scored_from_s,
+            "wall_s": wall_s,
+            "real_time_factor": ran_s / wall_s,
+            "latency_s": scenario.camera.latency_s,
+            "interrupted": result.interrupted,
+            **metrics.score(result, rig.camera.calibration, scenario.scored_from_s),
+        }
+    folder.finish(record)
+    return record, path
+
+
+@contextmanager
+def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar on standard error; Ctrl-C ends the run at the next whole tick."""
+    asked: list[int] = []
+
+    def ask(number: int, _frame: object) -> None:
+        asked.append(number)
+        signal.signal(signal.SIGINT, before)  # a second one ends the program at once
+
+    before = signal.signal(signal.SIGINT, ask)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} of {task.total:g} s"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+    try:
+        with bar if show else nullcontext():
+            task = bar.add_task(label, total=duration_s)
+
+            shown = 0.0
+
+            def tell(t: float) -> None:
+                nonlocal shown
+                if show and t - shown >= 0.2:
+                    shown = t
+                    bar.update(task, completed=t)
+                if asked:
+                    raise KeyboardInterrupt
+
+            yield tell
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def check_json(target: str | None) -> None:
+    """See that the JSON can be written later.
+
+    Raises:
+        ConfigError: the folder it belongs to does not exist, or it names a folder.
+    """
+    if target in (None, "-"):
+        return
+    path = Path(str(target))
+    if path.is_dir() or not path.parent.is_dir():
+        raise ConfigError(f"cannot write {path}; give --json a file in an existing folder, or -")
+
+
+def write_json(record: Mapping[str, Any], target: str | None) -> None:
+    """Write a record to a file or, for "-", to standard output.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    if target is None:
+        return
+    text = json.dumps(record, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+        return
+    try:
+        Path(target).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}; use another --json") from None
+
+
+def table(records: list[dict[str, Any]]) -> Table:
+    """Lay run records out for people: errors in pixels, shares in percent."""
+    result = Table(title="error of the target's place in the picture, now and as seen [px]")
+    for heading in ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "lost", "speed"):
+        result.add_column(heading, justify="left" if heading in ("scenario", "law") else "right")
+    for r in records:
+        error, seen = r["error_px"], r["delayed_error_px"]
+        result.add_row(
+            r["scenario"],
+            r["controller"],
+            f"{r['latency_s']:.2f} s",
+            *(_number(error[key]) for key in ("rms", "p95", "max")),
+            _number(seen["rms"]),
+            f"{100 * r['lost_fraction']:.1f} %",
+            f"{r['real_time_factor']:.1f} x real time",
+        )
+    return result
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def _request_values(request: Request) -> dict[str, Any]:
+    values = dataclasses.asdict(request)
+    return {k: str(v) if isinstance(v, Path) else v for k, v in values.items()}

@@ -1,0 +1,45 @@
+"""Writes models/endoscope: section.xml, scene.xml and the board's picture.
+
+Run it after a change of the builders: ./run python -m endolock.twin.generate
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+import cv2
+
+from endolock.twin import board as boards
+from endolock.twin import scene, section
+
+
+def folder() -> Path:
+    """Return the folder of the committed model."""
+    return Path(str(files("endolock") / "models" / "endoscope"))
+
+
+def section_xml() -> str:
+    """Return the text of section.xml."""
+    return section.build().to_xml()
+
+
+def scene_xml() -> str:
+    """Return the text of scene.xml, which includes section.xml; the board's picture must exist."""
+    text = scene.build_alone(folder()).to_xml()
+    head, rest = text.split("  <compiler", 1)
+    return f'{head}  <include file="section.xml"/>\n\n  <compiler{rest}'
+
+
+def main() -> None:
+    """Write all files."""
+    place = folder()
+    (place / scene.TEXTURE).parent.mkdir(exist_ok=True)
+    picture = cv2.cvtColor(boards.picture(boards.standard()), cv2.COLOR_RGB2BGR)
+    cv2.imwrite(str(place / scene.TEXTURE), picture)
+    (place / "section.xml").write_text(section_xml(), encoding="utf-8")
+    (place / "scene.xml").write_text(scene_xml(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
