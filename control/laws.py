@@ -18,6 +18,7 @@ def make(name: str, calibration: Calibration) -> Controller:
 
     Raises:
         ConfigError: there is no law of that name.
+
     """
     if name not in LAWS:
         near = get_close_matches(name, LAWS, 1)

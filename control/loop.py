@@ -29,6 +29,7 @@ class Controller(Protocol):
 
         Returns:
             Where the handles shall go; it is sent with the next tick's exchange.
+
         """
 
 
@@ -87,6 +88,7 @@ def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float
         clock: is slept on.
         period_s: control period [s].
         until_s: last time at which a tick may begin [s], counted like `clock.now()`.
+
     """
     start = clock.now()
     n = 0
@@ -102,6 +104,7 @@ def check_period(clock: Clock, period_s: float) -> None:
 
     Raises:
         ConfigError: they do not.
+
     """
     if not period_s > 0:
         raise ConfigError(f"control period {period_s:g} s; use more than 0, such as {PERIOD_S}")
@@ -144,6 +147,7 @@ def run(
     Raises:
         ConfigError: duration or period cannot be used.
         HardwareError: the handles stopped; rows up to there are with the recorder.
+
     """
     if not duration_s > 0:
         raise ConfigError(f"duration {duration_s:g} s; use more than 0")

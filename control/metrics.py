@@ -8,6 +8,7 @@ behind the camera, which has no pixel, counts with `BEHIND_PX`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import isfinite
 from typing import Any
 
@@ -39,6 +40,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
 
     Returns:
         Plain numbers by name, None where nothing was measured; see docs of the run record.
+
     """
     ticks = [tick for tick in run.ticks if tick.t >= scored_from_s - 1e-9]
     seen = [s for s in run.seen if s.frame.t_available >= scored_from_s - 1e-9]
@@ -139,7 +141,7 @@ def _reversals(position: list[float]) -> int:
 
 def _blur(ticks: Sequence[Tick]) -> float | None:
     """Mean motion of the target's image within one exposure [px]."""
-    pairs = [(a, b) for a, b in zip(ticks, ticks[1:], strict=False) if a.truth and b.truth]
+    pairs = [(a, b) for a, b in pairwise(ticks) if a.truth and b.truth]
     speeds = [
         np.hypot(*np.subtract(b.truth.target_px, a.truth.target_px)) / (b.t - a.t)
         for a, b in pairs

@@ -38,6 +38,7 @@ class PI:
     Args:
         calibration: turns pixels into angles.
         settings: the gains; the defaults if None.
+
     """
 
     def __init__(self, calibration: Calibration, settings: PISettings | None = None) -> None:
@@ -70,7 +71,5 @@ class PI:
             for i, e, clipped in zip(self._integral, self._error, state.clipped, strict=True)
         )
         return Command(
-            position=tuple(
-                i + kp * e for i, e in zip(self._integral, self._error, strict=True)
-            )
+            position=tuple(i + kp * e for i, e in zip(self._integral, self._error, strict=True))
         )

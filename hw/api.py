@@ -1,7 +1,7 @@
 """The seam between controllers and whatever turns the handles: a twin, an emulator or a bench.
 
 Time belongs to a `Clock`: whoever calls `sleep_until` makes the world advance, so nothing here has
-a `step()`. Everything is SI; axes are always (up_down, left_right), pixels always (u right, v down).
+a `step()`. Everything is SI; axes are always (up_down, left_right), pixels (u right, v down).
 Frames of reference: *base* is the tip camera at rest in OpenCV axes (x right, y down, z distal);
 *board* has x right and y down on its printed face and z into the board, so that a board seen
 straight from the front is aligned with the camera.
@@ -43,6 +43,7 @@ class HardwareError(EndolockError, RuntimeError):
         message: what happened and what to do next.
         t: clock time of the event [s].
         axis: name of the axis concerned, where there is one.
+
     """
 
     def __init__(self, message: str, *, t: float, axis: str | None = None) -> None:
@@ -59,7 +60,7 @@ class CommandError(HardwareError, ValueError):
     """A command has the wrong shape or is not finite; the previous goal stays."""
 
 
-class LinkLost(HardwareError, ConnectionError):  # noqa: N818
+class LinkLost(HardwareError, ConnectionError):
     """No fresh state came within the allowed age; latched until `clear_fault()`."""
 
 
@@ -71,6 +72,7 @@ class DeviceFault(HardwareError):
         kind: what tripped, for example "following".
         t: clock time of the event [s].
         axis: name of the axis concerned, where there is one.
+
     """
 
     def __init__(self, message: str, *, kind: str, t: float, axis: str | None = None) -> None:
@@ -191,6 +193,7 @@ class Actuators(Protocol):
 
         Raises:
             StateError: the motors are enabled.
+
         """
 
     def enable(self) -> State:
@@ -198,6 +201,7 @@ class Actuators(Protocol):
 
         Raises:
             StateError: not connected, or a fault is latched.
+
         """
 
     def exchange(self, command: Command | None) -> State:
@@ -207,6 +211,7 @@ class Actuators(Protocol):
             CommandError: wrong length, or NaN or infinite; the previous goal stays.
             StateError: not connected, or a command while not enabled.
             LinkLost, DeviceFault: latched; raised again until `clear_fault()`.
+
         """
 
     def history(self, t: float) -> State:
@@ -214,6 +219,7 @@ class Actuators(Protocol):
 
         Raises:
             LookupError: `t` lies outside what is remembered.
+
         """
 
     def hold(self) -> None:
@@ -377,6 +383,7 @@ class Truth(Protocol):
 
         Raises:
             LookupError: that frame is not remembered.
+
         """
 
 

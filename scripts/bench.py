@@ -1,6 +1,255 @@
-"""placeholder"""
+"""`endolock bench`: how fast the parts are, as ratios to a bound taken in the same minute.
+
+Machines are shared and noisy: each time is the median of interleaved repetitions, and what counts
+is the ratio to bare `mj_step`, to a raw OpenGL quad, or to simulated time.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
-@dataclass(frozen=True)
+from pathlib import Path
+from statistics import median
+from typing import Annotated, Any
+
+import mujoco
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from endolock.control import laws
+from endolock.control.loop import Controller
+from endolock.hw.api import Frame, Image, State
+from endolock.scripts import recorder, run
+from endolock.twin import camera
+from endolock.twin.rig import TwinRig
+from endolock.vision.markers import MarkerEyes
+from endolock.vision.observation import Observation
+
+REPEAT = 7
+SLICE_S = 2.0
+"""Simulated time of one physics measurement [s]."""
+RUN_S = 10.0
+"""Simulated time of one pipeline measurement [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Request:
-    """x."""
-    json: str | None = None
+    """Measure the speed of physics, rendering, vision, control, logging and whole runs."""
+
+    json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
+    """Write the figures there as JSON; - prints them, and nothing else, on standard output."""
+
+
+def main(request: Request) -> int:
+    """Carry out `endolock bench`; return the exit code."""
+    run.check_json(request.json)
+    err = Console(stderr=True)
+    figures: dict[str, Any] = {}
+    with err.status("measuring") as status:
+        for name, measure in (
+            ("physics", physics),
+            ("render", render),
+            ("vision", vision),
+            ("pipeline", pipeline),
+            ("control", control),
+            ("log", log),
+        ):
+            status.update(f"measuring {name}")
+            figures[name] = measure()
+    run.write_json(figures, request.json)
+    if request.json != "-":
+        Console().print(_table(figures))
+    return 0
+
+
+def physics() -> dict[str, Any]:
+    """Simulated seconds a second: bare `mj_step` of the model against the clock of the twin."""
+    rig = TwinRig("straight", pictures=False)
+    plant = rig.plant
+    ticks = round(SLICE_S / 0.020)
+    per_tick = round(0.020 / plant.timestep_s)
+    commands = np.sin(np.linspace(0, 2 * np.pi, ticks))[:, None] * [0.2, 0.4]
+
+    def bare() -> None:
+        for command in commands:
+            plant.data.ctrl[:] = command
+            mujoco.mj_step(plant.model, plant.data, per_tick)
+
+    def wrapped() -> None:
+        for command in commands:
+            plant.data.ctrl[:] = command
+            rig.clock.sleep_until(rig.clock.now() + 0.020)
+
+    with rig:
+        rig.actuators.enable()
+        bare_s, wrapped_s = _times(bare, wrapped)
+    return {
+        "real_time_factor": SLICE_S / wrapped_s,
+        "bare_real_time_factor": SLICE_S / bare_s,
+        "wrapper_over_bare": wrapped_s / bare_s,
+        "numerics": "default",
+    }
+
+
+def render() -> dict[str, Any]:
+    """One tip picture of 640x480 px, against a raw textured quad of that size with read-back."""
+    with TwinRig("straight", pictures=False) as rig:
+        model, data = rig.plant.model, rig.plant.data
+        index, _ = camera.of_model(model, "tip", 640, 480)
+        renderer = camera.Renderer(model)
+        draw = _raw_quad(640, 480)
+        ours, raw = _times(
+            lambda: renderer.draw(data, index, 640, 480), draw, repeat=60, warm_up=True
+        )
+        renderer.close()
+    return {"ms_640x480": 1e3 * ours, "over_raw_quad": ours / raw}
+
+
+def vision() -> dict[str, Any]:
+    """One observation of the marker board."""
+    frame, eyes = _frame_and_eyes()
+    (taken,) = _times(lambda: eyes(frame), repeat=60, warm_up=True)
+    return {"markers_ms": 1e3 * taken}
+
+
+def pipeline() -> dict[str, Any]:
+    """Whole runs of `straight` with `pi`: simulated seconds a second, the log included."""
+    return {"logged_rtf": _run("markers"), "truth_rtf": _run("truth")}
+
+
+def control() -> dict[str, float]:
+    """One tick of each law [ms]."""
+    with TwinRig("straight", pictures=False) as rig:
+        state = rig.actuators.enable()
+        frame, eyes = _frame_and_eyes()
+        observation = eyes(frame)
+        result = {}
+        for name in laws.LAWS:
+            law = laws.make(name, rig.camera.calibration)
+            law.reset(state)
+            result[name] = 10 * _ticks_s(law, state, observation)
+    return result
+
+
+def _ticks_s(law: Controller, state: State, observation: Observation) -> float:
+    """Time of a hundred ticks [s]."""
+
+    def hundred() -> None:
+        for n in range(100):
+            law.update(0.02 * n, state, observation)
+
+    (taken,) = _times(hundred)
+    return taken
+
+
+def log() -> dict[str, float]:
+    """The cost of a frame in the run folder, and its growth with 25 frames a second."""
+    frame, _ = _frame_and_eyes()
+    assert frame.image is not None
+    picture: Image = frame.image
+    (taken,) = _times(lambda: recorder.jpeg(picture), repeat=60)
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "run"
+        request = run.Request(scenario="straight", duration_s=2.0, out=path)
+        record, _ = run.perform(request, show_progress=False)
+        size = sum(file.stat().st_size for file in path.iterdir())
+    return {"ms_per_frame": 1e3 * taken, "mb_per_min": size / 1e6 * 60 / record["duration_s"]}
+
+
+def _run(eyes: str) -> float:
+    factors: list[float] = []
+    for _ in range(3):
+        with tempfile.TemporaryDirectory() as name:
+            request = run.Request(
+                scenario="straight", vision=eyes, duration_s=RUN_S, out=Path(name) / "run"
+            )
+            record, _ = run.perform(request, show_progress=False)
+            factors.append(record["real_time_factor"])
+    return median(factors)
+
+
+def _frame_and_eyes() -> tuple[Frame, MarkerEyes]:
+    with TwinRig("straight") as rig:
+        rig.clock.sleep_until(0.4)
+        frame = rig.camera.latest()
+        assert frame is not None
+        return frame, MarkerEyes(rig.camera.calibration, rig.board)
+
+
+def _times(
+    *calls: Callable[[], object], repeat: int = REPEAT, warm_up: bool = False
+) -> tuple[float, ...]:
+    """Median time of each call [s], taken in turns so that a busy moment hits all alike."""
+    if warm_up:
+        for call in calls:
+            call()
+    taken: list[list[float]] = [[] for _ in calls]
+    for _ in range(repeat):
+        for call, times in zip(calls, taken, strict=True):
+            start = time.perf_counter()
+            call()
+            times.append(time.perf_counter() - start)
+    return tuple(median(times) for times in taken)
+
+
+def _raw_quad(width: int, height: int) -> Callable[[], object]:
+    """Set up the least that draws a textured picture off-screen and reads it back."""
+    context = mujoco.GLContext(width, height)
+    context.make_current()
+    from OpenGL import GL as gl
+
+    buffers = gl.glGenRenderbuffers(2)
+    frame = gl.glGenFramebuffers(1)
+    texture = gl.glGenTextures(1)
+    image = np.random.default_rng(0).integers(0, 255, (512, 512, 3), np.uint8)
+
+    def bind() -> None:
+        context.make_current()
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
+
+    bind()
+    for buffer, kind, place in (
+        (buffers[0], gl.GL_RGBA8, gl.GL_COLOR_ATTACHMENT0),
+        (buffers[1], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_ATTACHMENT),
+    ):
+        gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, buffer)
+        gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, kind, width, height)
+        gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, place, gl.GL_RENDERBUFFER, buffer)
+    gl.glBindTexture(gl.GL_TEXTURE_2D, texture)
+    gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR)
+    gl.glTexImage2D(
+        gl.GL_TEXTURE_2D, 0, gl.GL_RGB, 512, 512, 0, gl.GL_RGB, gl.GL_UNSIGNED_BYTE, image
+    )
+    gl.glEnable(gl.GL_TEXTURE_2D)
+    gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+    out = np.empty((height, width, 3), np.uint8)
+
+    def draw() -> object:
+        bind()
+        gl.glViewport(0, 0, width, height)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
+        gl.glBegin(gl.GL_QUADS)
+        for s, t in ((0, 0), (1, 0), (1, 1), (0, 1)):
+            gl.glTexCoord2f(s, t)
+            gl.glVertex2f(2 * s - 1, 2 * t - 1)
+        gl.glEnd()
+        gl.glReadPixels(0, 0, width, height, gl.GL_RGB, gl.GL_UNSIGNED_BYTE, out)
+        return out
+
+    return draw
+
+
+def _table(figures: dict[str, Any]) -> Table:
+    result = Table(title="endolock bench (rtf: simulated seconds a second)")
+    for heading in ("part", "figure", "value"):
+        result.add_column(heading, justify="right" if heading == "value" else "left")
+    for part, values in figures.items():
+        for name, value in values.items():
+            shown = value if isinstance(value, str) else f"{value:.3g}"
+            result.add_row(part, name, shown)
+        result.add_section()
+    return result

@@ -7,12 +7,17 @@ import io
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import tyro
 
-from endolock.hw.api import EndolockError, HardwareError
+from endolock.hw.api import ConfigError, EndolockError, HardwareError
+
+DESCRIPTION = (
+    "Digital twin of a robot-steered flexible endoscope, and its target lock. "
+    "Laboratory software, not a medical device."
+)
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -23,63 +28,79 @@ def main(args: Sequence[str] | None = None) -> int:
 
     Returns:
         0 done, 2 wrong usage or configuration, 3 hardware fault, 130 interrupted.
+
     """
+    return guarded(_dispatch, sys.argv[1:] if args is None else list(args))
+
+
+def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
+    """Call a command with its words; turn every error a user can meet into a line and a code."""
     try:
-        return _dispatch(sys.argv[1:] if args is None else list(args))
+        return call(args)
     except HardwareError as error:
         return _fail(str(error), 3)
     except EndolockError as error:
         return _fail(str(error), 2)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
+    except SystemExit as stop:  # --help
+        return int(stop.code or 0)
     except BrokenPipeError:
         # The reader of our output has gone; keep Python from complaining about it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 
 
-def _dispatch(args: list[str]) -> int:
-    try:
-        from endolock.scripts import bench, run, view
-    except ImportError as error:
-        # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
-        where = f" with MUJOCO_GL={os.environ['MUJOCO_GL']}" if "MUJOCO_GL" in os.environ else ""
-        return _fail(f"cannot load{where}: {error}; unset MUJOCO_GL, or see README.md", 2)
-    commands = Annotated[run.Request, tyro.conf.subcommand("run")]
-    commands |= Annotated[view.Request, tyro.conf.subcommand("view")]  # type: ignore[assignment]
-    commands |= Annotated[bench.Request, tyro.conf.subcommand("bench")]  # type: ignore[assignment]
-    request = _parse(commands, args)
-    if isinstance(request, int):
-        return request
-    modules: dict[type, Any] = {run.Request: run, view.Request: view, bench.Request: bench}
-    return int(modules[type(request)].main(request))
+def parse(kind: Any, prog: str, args: list[str]) -> Any:
+    """Turn words into a request.
 
+    Raises:
+        ConfigError: the words do not fit.
+        SystemExit: help was asked for and printed.
 
-def _parse(commands: Any, args: list[str]) -> Any:
-    """Parse the words; return a request, or the exit code where there is nothing to do."""
+    """
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
-            return tyro.cli(
-                commands,
-                prog="endolock",
-                args=args,
-                description="Digital twin of a robot-steered flexible endoscope, and its target "
-                "lock. Laboratory software, not a medical device.",
-            )
+            return tyro.cli(kind, prog=prog, args=args, description=DESCRIPTION)
     except SystemExit as stop:
-        if not stop.code:
-            return 0
-        return _fail(fold(said.getvalue()), 2)
+        if stop.code:
+            raise ConfigError(fold(said.getvalue())) from None
+        raise
 
 
 def fold(box: str) -> str:
-    """Turn a framed message of several lines into one line without frame or help text."""
-    lines = [line.strip("│╭╮╰╯─ \t") for line in box.splitlines()]
-    rules = [i for i, line in enumerate(box.splitlines()) if re.fullmatch(r"│? *─{8,} *│?", line)]
-    end = rules[0] if rules else len(lines)
-    last = next((line for line in reversed(lines) if line), "")
-    return f"{' '.join(line for line in lines[1:end] if line).rstrip('.')}. {last}"
+    """Turn a framed message of several lines into one line, without frame and help text."""
+    rows = [row.strip("│╭╮╰╯ \t") for row in box.splitlines()]
+    lines = [row for row in rows if row.strip("─")]
+    end = next((i for i, row in enumerate(rows) if re.fullmatch("─{8,}", row)), len(rows))
+    first = [row for row in rows[:end] if row in lines and not row.startswith("─")]
+    return f"{' '.join(first).rstrip('.')}. {lines[-1].rstrip('.')}" if lines else "wrong usage"
+
+
+def _dispatch(args: list[str]) -> int:
+    try:
+        from endolock.scripts import bench, run, view
+    except (ImportError, AttributeError) as error:
+        # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
+        if "MUJOCO_GL" not in os.environ:
+            raise
+        raise ConfigError(
+            f"MuJoCo cannot load OpenGL with MUJOCO_GL={os.environ['MUJOCO_GL']} ({error}); "
+            "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it"
+        ) from error
+    commands: Any = (
+        Annotated[run.Request, tyro.conf.subcommand("run")]
+        | Annotated[view.Request, tyro.conf.subcommand("view")]
+        | Annotated[bench.Request, tyro.conf.subcommand("bench")]
+    )
+    mains: dict[type, Callable[[Any], int]] = {
+        run.Request: run.main,
+        view.Request: view.main,
+        bench.Request: bench.main,
+    }
+    request = parse(commands, "endolock", args)
+    return mains[type(request)](request)
 
 
 def _fail(message: str, code: int) -> int:

@@ -7,11 +7,13 @@
 
 The tables are Arrow IPC streams: rows are appended and never touched again, and `read` takes a
 stream that ends anywhere, so a killed run is readable up to its last complete group of rows: that
-of the last frame with a picture; without pictures, of the last ten rows. Everything else about a run is derived from this folder.
+of the last frame with a picture; without pictures, of the last ten rows. Everything else about a
+run is derived from this folder.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -122,6 +124,7 @@ class RunFolder:
 
     Raises:
         ConfigError: the folder cannot be used.
+
     """
 
     def __init__(self, path: Path, configuration: Mapping[str, Any]) -> None:
@@ -225,6 +228,7 @@ def read(path: Path, table: str) -> pa.Table:
 
     Raises:
         ConfigError: there is no such table in the folder.
+
     """
     file = path / f"{table}.arrows"
     batches: list[pa.RecordBatch] = []
@@ -232,10 +236,9 @@ def read(path: Path, table: str) -> pa.Table:
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
             schema = stream.schema
-            try:
+            # Cut off within a group of rows, the stream ends in an error: it was never complete.
+            with contextlib.suppress(pa.ArrowInvalid, OSError):
                 batches.extend(iter(stream))
-            except (pa.ArrowInvalid, OSError):
-                pass  # cut off within a group of rows: it was never complete
     except FileNotFoundError:
         raise ConfigError(f"no run in {path}: {file.name} is missing; give a run folder") from None
     except (pa.ArrowInvalid, OSError) as error:
@@ -257,6 +260,8 @@ def jpeg(image: Image | None) -> bytes | None:
 def decode(data: bytes) -> Image:
     """Decode a JPEG to RGB."""
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ConfigError("a picture in the run folder is no JPEG; the folder is damaged")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 

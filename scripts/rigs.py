@@ -29,6 +29,7 @@ def make(
 
     Raises:
         ConfigError: one of the names is unknown, or pictures cannot be rendered here.
+
     """
     one_of("rig", rig, RIGS)
     one_of("vision", vision, VISIONS)
@@ -46,6 +47,7 @@ def one_of(what: str, name: str, known: tuple[str, ...]) -> None:
 
     Raises:
         ConfigError: it is not.
+
     """
     if name not in known:
         raise ConfigError(f"{what} '{name}' is unknown; use {' or '.join(known)}")

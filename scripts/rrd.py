@@ -39,6 +39,7 @@ def derive(folder: Path) -> Path:
 
     Raises:
         ConfigError: it is no run folder, or cannot be written.
+
     """
     ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
     configuration = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
@@ -131,14 +132,10 @@ def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
     for entity, key in (("world/tip", "tip_pose"), ("world/board", "board_pose")):
         poses = np.array([row[key] for row in rows])
         # Rerun's quaternions are (x, y, z, w).
-        turned = rr.Transform3D.columns(
-            translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]]
-        )
+        turned = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]])
         _columns(stream, entity, times, turned)
-    points = np.array([row["board_pose"][:3] for row in rows])
-    for t, path in zip(times[::5], (points[: i + 1] for i in range(0, len(points), 5)), strict=True):
-        stream.set_time(TIMELINE, duration=t)
-        stream.log("world/path", rr.LineStrips3D([path], radii=0.0006, colors=RED))
+    path = np.array([row["board_pose"][:3] for row in rows])
+    stream.log("world/path", rr.LineStrips3D([path], radii=0.0006, colors=RED), static=True)
 
 
 def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> None:

@@ -55,9 +55,7 @@ class Request:
     """Run folder, new or empty; else one below runs/ named by time."""
     view: bool = False
     """Open the run in the Rerun viewer afterwards."""
-    json: Annotated[
-        tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")
-    ] = None
+    json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the run record there as JSON; - prints it, and nothing else, on standard output."""
 
 
@@ -88,6 +86,7 @@ def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, 
     Raises:
         ConfigError: the request cannot be carried out; nothing was written.
         HardwareError: the handles stopped; the folder holds everything up to there.
+
     """
     overrides = {
         "camera.latency_s": request.latency_s,
@@ -194,6 +193,7 @@ def check_json(target: str | None) -> None:
 
     Raises:
         ConfigError: the folder it belongs to does not exist, or it names a folder.
+
     """
     if target in (None, "-"):
         return
@@ -207,6 +207,7 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
 
     Raises:
         ConfigError: the file cannot be written.
+
     """
     if target is None:
         return

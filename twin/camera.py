@@ -24,6 +24,7 @@ class Renderer:
 
     Args:
         model: the compiled scene.
+
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -38,6 +39,7 @@ class Renderer:
 
         Raises:
             ConfigError: there is no way to render off-screen here.
+
         """
         renderer = self._renderers.get((width, height))
         if renderer is None:
@@ -74,6 +76,7 @@ class TwinCamera:
         latency_s: exposure to delivery [s], also what the camera believes.
         jitter_s: the latency varies evenly by +- this [s].
         jitter: random numbers for it.
+
     """
 
     def __init__(
@@ -126,6 +129,7 @@ def of_model(model: mujoco.MjModel, name: str, width: int, height: int) -> tuple
 
     Raises:
         ConfigError: there is none of that name.
+
     """
     index = scene.camera_id(model, name)
     return index, camera_model.from_fovy(width, height, float(model.cam_fovy[index]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from endolock.hw.api import AXES, Clock, Limits
@@ -16,9 +15,10 @@ class TwinDrive:
     Args:
         plant: the handles belong to it.
         clock: stamps the readings.
+
     """
 
-    axes = AXES
+    axes: tuple[str, ...] = AXES
 
     def __init__(self, plant: TwinPlant, clock: Clock) -> None:
         self.clock = clock

@@ -5,6 +5,7 @@ Run it after a change of the builders: ./run python -m endolock.twin.generate
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import cv2
 
 from endolock.twin import board as boards
 from endolock.twin import scene, section
+
+COLUMNS = 120
 
 
 def folder() -> Path:
@@ -21,14 +24,30 @@ def folder() -> Path:
 
 def section_xml() -> str:
     """Return the text of section.xml."""
-    return section.build().to_xml()
+    return _wrapped(section.build().to_xml())
 
 
 def scene_xml() -> str:
     """Return the text of scene.xml, which includes section.xml; the board's picture must exist."""
     text = scene.build_alone(folder()).to_xml()
     head, rest = text.split("  <compiler", 1)
-    return f'{head}  <include file="section.xml"/>\n\n  <compiler{rest}'
+    return _wrapped(f'{head}  <include file="section.xml"/>\n\n  <compiler{rest}')
+
+
+def _wrapped(text: str) -> str:
+    """Break lines at attributes so that none is longer than `COLUMNS`."""
+    lines = []
+    for line in text.splitlines():
+        indent = re.match(r" *(<\w+ )?", line)
+        pad = " " * (indent.end() if indent else 0)
+        while len(line) > COLUMNS:
+            at = line.rfind('" ', 0, COLUMNS) + 1
+            if at <= len(pad):
+                break
+            lines.append(line[:at])
+            line = pad + line[at + 1 :]
+        lines.append(line)
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ class Instrument:
 
     Raises:
         ConfigError: a value is outside the range that its description states.
+
     """
 
     bending_length_m: float = 0.075
@@ -65,7 +66,7 @@ class Instrument:
     """Motor torque over current [N m/A], > 0, for `State.current`. Data sheet of a Dynamixel
     XM430-W350: stall 4.1 N m at 2.3 A."""
     encoder_step_rad: float = 0.0015339807878856412
-    """Handle position resolution [rad], > 0: 4096 counts a turn (0.088 deg), the reference servo."""
+    """Handle position resolution [rad], > 0. Data sheet of the same servo: 4096 counts a turn."""
 
     def __post_init__(self) -> None:
         may_be_any = {"slack_m"}

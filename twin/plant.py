@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import radians
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,7 +14,19 @@ from endolock.twin import transmission as cable
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.scenario import Scenario
 
-_MUJOCO_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+_FLIP = np.array([1.0, -1.0, -1.0])
+"""From MuJoCo's camera axes (right, up, back) to OpenCV's (right, down, ahead), by column."""
+
+
+class Snapshot(NamedTuple):
+    """Raw copies out of the physics, in world axes, taken where working them out would cost."""
+
+    t: float
+    camera_position: Vector
+    camera_matrix: Vector
+    backbone: Vector
+    tensions: list[float]
+    board: tuple[float, float, float]
 
 
 class TwinPlant:
@@ -23,6 +36,7 @@ class TwinPlant:
         scenario: tells the bend of the shaft and how the board moves.
         instrument: what the section is made of.
         numerics: how finely it is simulated.
+
     """
 
     def __init__(self, scenario: Scenario, instrument: Instrument, numerics: Numerics) -> None:
@@ -50,7 +64,7 @@ class TwinPlant:
         self.step_count = 0
         self.timestep_s = float(model.opt.timestep)
         self._transmission.refresh(self.data, self.shaft_bend_rad)
-        self.move_board()
+        self._current_at = 0
 
     @property
     def shaft_bend_rad(self) -> float:
@@ -71,54 +85,61 @@ class TwinPlant:
             self.step_count += n
             if self.step_count % self._refresh_steps == 0:
                 self._transmission.refresh(self.data, self.shaft_bend_rad)
+                self._current_at = self.step_count
 
-    def board_position(self) -> Vector:
+    def board_position(self) -> tuple[float, float, float]:
         """Present position of the board's centre in the base frame [m]."""
         right, down = self._scenario.offset(self.t)
-        return np.array([right, down, self._scenario.board.distance_m])
+        return right, down, self._scenario.board.distance_m
 
-    def move_board(self) -> None:
-        """Put the drawn board where it is now and bring cameras and lights up to date."""
+    def draw_board(self) -> None:
+        """Put the board and its picture's camera and lights where they are now, for rendering."""
         self.data.mocap_pos[0] = self._origin + scene.WORLD_FROM_BASE @ self.board_position()
         mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def camera_pose(self) -> tuple[Vector, Vector]:
-        """Position [m] and orientation (3x3, base_from_camera) of the tip camera in base axes.
+    def snapshot(self) -> Snapshot:
+        """Copy what the truth about this moment follows from."""
+        model, data = self.model, self.data
+        if self._current_at != self.step_count:
+            cable.update_lengths(model, data)
+            self._current_at = self.step_count
+        mujoco.mj_camlight(model, data)
+        return Snapshot(
+            self.t,
+            data.cam_xpos[self._tip].copy(),
+            data.cam_xmat[self._tip].copy(),
+            data.xpos[self._backbone],
+            self._transmission.tensions(data),
+            self.board_position(),
+        )
 
-        Kinematics must be current, as after `move_board`.
+    def explain(self, moment: Snapshot) -> tuple[Plant, Vector]:
+        """Work a snapshot out.
+
+        Returns:
+            The state of the plant, and the tip camera's orientation (3x3, base_from_camera).
+
         """
-        world = self.data.cam_xmat[self._tip].reshape(3, 3)
-        rotation: Vector = scene.WORLD_FROM_BASE.T @ world @ _MUJOCO_FROM_OPENCV
-        return self._in_base(self.data.cam_xpos[self._tip]), rotation
-
-    def state(self) -> Plant:
-        """Everything true about the plant at this moment; kinematics must be current."""
-        mujoco.mj_tendon(self.model, self.data)
-        position, rotation = self.camera_pose()
+        position = self._in_base(moment.camera_position)
+        world = moment.camera_matrix.reshape(3, 3)
+        rotation: Vector = scene.WORLD_FROM_BASE.T @ world * _FLIP
         quaternion, vector = np.empty(4), np.empty(3)
         mujoco.mju_mat2Quat(quaternion, rotation.ravel())
         mujoco.mju_quat2Vel(vector, quaternion, 1.0)
-        tensions = self._transmission.tensions(self.data)
-        x, y, z = (float(v) for v in self.board_position())
-        return Plant(
-            bend_rad=(float(vector[0]), float(vector[1])),
-            tip=Pose(t=self.t, position=_triple(position), quaternion=_quadruple(quaternion)),
-            board=Pose(t=self.t, position=(x, y, z), quaternion=(1.0, 0.0, 0.0, 0.0)),
-            backbone=np.vstack([self._in_base(self.data.xpos[self._backbone]), position]),
-            tension_handle_n=tuple(tensions[:4]),
-            tension_section_n=tuple(tensions[4:]),
+        x, y, z = position.tolist()
+        qw, qx, qy, qz = quaternion.tolist()
+        up_down, left_right, _ = vector.tolist()
+        plant = Plant(
+            bend_rad=(up_down, left_right),
+            tip=Pose(t=moment.t, position=(x, y, z), quaternion=(qw, qx, qy, qz)),
+            board=Pose(t=moment.t, position=moment.board, quaternion=(1.0, 0.0, 0.0, 0.0)),
+            backbone=np.append(self._in_base(moment.backbone), [position], axis=0),
+            tension_handle_n=tuple(moment.tensions[:4]),
+            tension_section_n=tuple(moment.tensions[4:]),
         )
+        return plant, rotation
 
     def _in_base(self, world: Vector) -> Vector:
         points: Vector = (world - self._origin) @ scene.WORLD_FROM_BASE
         return points
-
-
-def _triple(v: Vector) -> tuple[float, float, float]:
-    return float(v[0]), float(v[1]), float(v[2])
-
-
-def _quadruple(v: Vector) -> tuple[float, float, float, float]:
-    return float(v[0]), float(v[1]), float(v[2]), float(v[3])

@@ -24,7 +24,6 @@ from endolock.twin.randomness import generator
 from endolock.twin.scenario import Scenario
 from endolock.twin.truth import TwinTruth
 
-
 OVERVIEW_SIZE = (480, 360)
 """Pictures of the fixed camera, width and height [px]: for people, so half the price will do."""
 
@@ -35,6 +34,7 @@ class TwinClock:
     Args:
         rig: is told to advance.
         timestep_s: its grid [s].
+
     """
 
     realtime = False
@@ -65,6 +65,7 @@ class TwinRig:
 
     Raises:
         ConfigError: the scenario cannot be used.
+
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class TwinRig:
         while self.plant.step_count < step:
             due = self._exposure_step(self._exposed)
             self.plant.advance(min(step, due))
-            if self.plant.step_count == due:
+            if self.plant.step_count >= due:
                 self._expose()
 
     def describe(self) -> Mapping[str, Any]:
@@ -166,6 +167,7 @@ class TwinRig:
             return
         image = None
         if self._renderer:
+            self.plant.draw_board()
             video, data = self.scenario.camera, self.plant.data
             image = self._renderer.draw(data, self._tip, video.width, video.height)
             if self.overview:

@@ -117,6 +117,7 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
 
     Raises:
         ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
+
     """
     text, name = _read(str(source))
     try:

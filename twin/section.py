@@ -45,6 +45,7 @@ def build(instrument: Instrument | None = None, numerics: Numerics | None = None
 
     Returns:
         An editable model, not compiled.
+
     """
     instrument = instrument or Instrument()
     numerics = numerics or Numerics()
@@ -208,7 +209,7 @@ def _rest_friction(instrument: Instrument) -> float:
 def _wires(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> None:
     """Per wire a proximal spring (handle to node) and a distal one (node to last ring).
 
-    Wires can only pull: the spring range reaches from far below to the length at which they tighten.
+    Wires can only pull: the springs are free from far below to the length at which they tighten.
     """
     wrap_rad = transmission.wrap(instrument, 0.0)
     proximal, distal = _tidy(list(transmission.spring_stiffness(instrument, wrap_rad, 0.0)))

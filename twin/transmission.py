@@ -34,13 +34,16 @@ ROW_SOFTNESS = 1e-2
 several degrees a minute."""
 
 
-def spring_stiffness(instrument: Instrument, wrap_rad: float, bend_rad: float) -> tuple[float, float]:
+def spring_stiffness(
+    instrument: Instrument, wrap_rad: float, bend_rad: float
+) -> tuple[float, float]:
     """Proximal and distal stiffness of one wire [N/m], by the compliances above.
 
     Args:
         instrument: parameters of wire and conduit.
         wrap_rad: total absolute curvature of the shaft [rad], residual included.
         bend_rad: bend of the section, both axes together [rad], >= 0.
+
     """
     k = instrument.wire_stiffness
     a = max(instrument.conduit_friction * wrap_rad, 1e-3)
@@ -70,6 +73,7 @@ class Transmission:
     Args:
         model: compiled from `section.build`; its stiffness and friction entries are rewritten.
         instrument: the parameters it was built with.
+
     """
 
     def __init__(self, model: mujoco.MjModel, instrument: Instrument) -> None:
@@ -99,11 +103,10 @@ class Transmission:
         Args:
             data: its positions are read and its kinematics brought up to date.
             shaft_bend_rad: present bend of the shaft [rad].
+
         """
         model = self._model
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
+        update_lengths(model, data)
         bend = hypot(*(data.qpos @ self._bend_from_qpos).tolist())
         wrap_rad = wrap(self._instrument, shaft_bend_rad)
         proximal, distal = spring_stiffness(self._instrument, wrap_rad, bend)
@@ -113,6 +116,13 @@ class Transmission:
         model.dof_frictionloss[self._nodes] = [
             max(ratio * (t[i] + t[i + 4]), 1e-6) for i in range(len(WIRES))
         ]
+
+
+def update_lengths(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Bring positions and tendon lengths up to date; after a step they are those before it."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_tendon(model, data)
 
 
 def rest_slide(instrument: Instrument, shaft_bend_rad: float) -> float:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from math import degrees, pi
 
+import numpy as np
+
 from endolock.hw.api import BoardGeometry, Calibration, TruthSample
-from endolock.twin.plant import TwinPlant
+from endolock.twin.plant import Snapshot, TwinPlant
 from endolock.vision import camera_model
 
 
@@ -17,6 +19,7 @@ class TwinTruth:
         calibration: of the tip camera.
         board: tells where on the board the target is.
         remember: so many exposures are kept; older ones are forgotten.
+
     """
 
     def __init__(
@@ -25,41 +28,38 @@ class TwinTruth:
         self._plant, self._calibration = plant, calibration
         self._target = (*board.target, 0.0)
         self._remember = remember
-        self._exposures: dict[int, TruthSample] = {}
-        self._newest: tuple[int, TruthSample] | None = None
+        self._exposures: dict[int, Snapshot | TruthSample] = {}
 
     def now(self) -> TruthSample:
         """Return the truth at the clock's present time."""
-        if self._newest is None or self._newest[0] != self._plant.step_count:
-            self._newest = self._plant.step_count, self._sample()
-        return self._newest[1]
+        return self._explain(self._plant.snapshot())
+
+    def expose(self, seq: int) -> None:
+        """Remember the exposure that happens now."""
+        self._exposures[seq] = self._plant.snapshot()
+        self._exposures.pop(seq - self._remember, None)
 
     def at_exposure(self, seq: int) -> TruthSample:
         """Return the truth at the exposure of a frame; see `Truth.at_exposure`."""
-        try:
-            return self._exposures[seq]
-        except KeyError:
+        if seq not in self._exposures:
             known = f"{min(self._exposures)}..{max(self._exposures)}" if self._exposures else "none"
-            raise LookupError(f"no truth for frame {seq}; remembered are {known}") from None
+            raise LookupError(f"no truth for frame {seq}; remembered are {known}")
+        moment = self._exposures[seq]
+        if isinstance(moment, Snapshot):
+            moment = self._exposures[seq] = self._explain(moment)
+        return moment
 
-    def expose(self, seq: int) -> None:
-        """Remember the truth of the exposure that happens now."""
-        self._exposures[seq] = self.now()
-        self._exposures.pop(seq - self._remember, None)
-
-    def _sample(self) -> TruthSample:
-        plant = self._plant
-        plant.move_board()
-        position, rotation = plant.camera_pose()
-        point = rotation.T @ (plant.board_position() + self._target - position)
+    def _explain(self, moment: Snapshot) -> TruthSample:
+        plant, rotation = self._plant.explain(moment)
+        point = (np.add(moment.board, self._target) - plant.tip.position) @ rotation
         pixel = camera_model.project(self._calibration, point)
         ahead = bool(point[2] > 0)
         angle = camera_model.off_axis_angle(self._calibration, pixel) if ahead else pi
         return TruthSample(
-            t=plant.t,
+            t=moment.t,
             target_px=pixel,
             in_picture=camera_model.in_picture(self._calibration, pixel),
             distance_m=float(point[2]),
             error_deg=degrees(angle),
-            plant=plant.state(),
+            plant=plant,
         )

@@ -1,4 +1,4 @@
-"""What vision tells the controller about one frame, and how long a lock outlives a missing target."""
+"""What vision tells the controller about one frame, and how long a lock outlives its target."""
 
 from __future__ import annotations
 

@@ -1,0 +1,250 @@
+"""The loop: when it ticks, what it passes on, and how it stops."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from endolock.control import loop
+from endolock.control.pi import PI
+from endolock.hw.api import Command, CommandError, ConfigError, DeviceFault, Frame, Mode, State
+from endolock.twin.instrument import Instrument
+from endolock.twin.rig import TwinRig
+from endolock.twin.scenario import Camera, Circle, Scenario
+from endolock.vision.observation import Observation, Status
+from endolock.vision.truth import TruthEyes
+
+ASIDE = Scenario(name="aside", motion=(Circle(kind="circle", radius_m=0.03, period_s=1e9),))
+"""The board stands 30 mm to the right, 65 px, for good."""
+
+
+class LateClock:
+    """A clock that oversleeps, by one delay after another, and then no more."""
+
+    realtime = True
+
+    def __init__(self, *delays_s: float, start_s: float = 0.0, timestep_s: float = 0.0) -> None:
+        self.timestep_s = timestep_s
+        self._t, self._delays = start_s, list(delays_s)
+
+    def now(self) -> float:
+        """Present time [s]."""
+        return self._t
+
+    def sleep_until(self, t: float) -> float:
+        """Wake up too late."""
+        self._t = max(self._t, t) + (self._delays.pop(0) if self._delays else 0.0)
+        return self._t
+
+
+class Constant:
+    """A law that always gives the same command, and keeps what it was told."""
+
+    def __init__(self, *position: float) -> None:
+        self.resets: list[State] = []
+        self.told: list[tuple[float, State, Observation | None]] = []
+        self.given: list[Command] = []
+        self._position = position
+
+    def reset(self, state: State) -> None:
+        """Take note."""
+        self.resets.append(state)
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Take note, and give the command."""
+        self.told.append((t, state, observation))
+        self.given.append(Command(position=self._position))
+        return self.given[-1]
+
+
+class Watched:
+    """Eyes that keep which frames they were shown."""
+
+    def __init__(self, rig: TwinRig) -> None:
+        self.shown: list[int] = []
+        self._eyes = TruthEyes(rig.truth)
+
+    def __call__(self, frame: Frame) -> Observation:
+        """Look, and take note."""
+        self.shown.append(frame.seq)
+        return self._eyes(frame)
+
+
+class Rows:
+    """A recorder in memory."""
+
+    def __init__(self) -> None:
+        self.ticks: list[loop.Tick] = []
+        self.frames: list[loop.Seen] = []
+
+    def tick(self, tick: loop.Tick) -> None:
+        """Keep it."""
+        self.ticks.append(tick)
+
+    def seen(self, seen: loop.Seen) -> None:
+        """Keep it."""
+        self.frames.append(seen)
+
+
+def test_ticks_stand_at_absolute_deadlines() -> None:
+    clock = LateClock(*[0.004, 0.001, 0.006] * 10, start_s=7.0)  # jitter, less than a period
+    got = list(loop.ticks(clock, 0.02, 7.5))
+    assert len(got) == 26  # 0.5 s, both ends included
+    for n, (t, skipped) in enumerate(got):
+        assert skipped == 0
+        assert 7.0 + n * 0.02 - 1e-9 <= t <= 7.0 + n * 0.02 + 0.006 + 1e-9  # rounding; no drift
+
+
+def test_a_late_tick_is_skipped_and_counted() -> None:
+    clock = LateClock(0.0, 0.05)  # due at 0.02, awake at 0.07
+    got = list(loop.ticks(clock, 0.02, 0.12))
+    assert [t for t, _ in got] == pytest.approx([0.0, 0.07, 0.08, 0.10, 0.12])
+    assert [skipped for _, skipped in got] == [0, 2, 0, 0, 0]
+
+
+@given(st.lists(st.sampled_from([0.0, 0.001, 0.019, 0.02, 0.021, 0.1, 0.33]), max_size=40))
+def test_ticks_never_burst(delays: list[float]) -> None:
+    period_s = 0.02
+    slot = -1
+    for t, skipped in loop.ticks(LateClock(*delays), period_s, 2.0):
+        slot += 1 + skipped
+        # One tick to a slot, and it lies within it; 1e-6 of a period is for rounding.
+        assert slot * period_s - 1e-7 <= t < (slot + 1) * period_s + 1e-7
+
+
+@pytest.mark.parametrize(
+    ("period_s", "timestep_s", "message"),
+    [
+        (
+            0.033,
+            0.002,
+            "control period 0.033 s is not a multiple of the physics timestep 0.002 s; "
+            "use 0.032 or 0.034",
+        ),
+        (
+            0.001,
+            0.002,
+            "control period 0.001 s is not a multiple of the physics timestep 0.002 s; use 0.002",
+        ),
+        (0.0, 0.002, "control period 0 s; use more than 0, such as 0.02"),
+        (-0.02, 0.0, "control period -0.02 s; use more than 0, such as 0.02"),
+        (nan, 0.0, "control period nan s; use more than 0, such as 0.02"),
+    ],
+)
+def test_a_period_off_the_grid_is_refused(period_s: float, timestep_s: float, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        loop.check_period(LateClock(timestep_s=timestep_s), period_s)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("period_s", "timestep_s"), [(0.02, 0.002), (0.03, 0.01), (0.3, 0.1), (0.033, 0.0)]
+)
+def test_a_period_on_the_grid_is_accepted(period_s: float, timestep_s: float) -> None:
+    loop.check_period(LateClock(timestep_s=timestep_s), period_s)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, nan, -inf])
+def test_a_run_must_last(duration_s: float) -> None:
+    with TwinRig("rest", pictures=False) as rig:
+        with pytest.raises(ConfigError, match=rf"^duration {duration_s:g} s; use more than 0$"):
+            loop.run(rig, TruthEyes(rig.truth), Constant(0, 0), duration_s=duration_s)
+        assert rig.actuators.mode is Mode.DISABLED  # refused before torque came on
+
+
+def test_rows_commands_and_states_belong_together() -> None:
+    law, rows = Constant(0.2, -0.1), Rows()
+    with TwinRig("rest", pictures=False) as rig:
+        result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=1.0, recorder=rows)
+        assert rig.actuators.mode is Mode.HOLDING
+    ticks = result.ticks
+    assert not result.interrupted
+    assert rows.ticks == ticks
+    assert len(rows.frames) == len(result.seen)
+    assert len(law.resets) == 1
+    # A command is sent one tick after it was made.
+    assert [tick.command for tick in ticks] == [None, *law.given[:-1]]
+    assert [(tick.t, tick.state) for tick in ticks] == [(t, state) for t, state, _ in law.told]
+    assert [tick.t for tick in ticks] == pytest.approx([n * 0.02 for n in range(51)])
+    assert all(tick.truth and tick.truth.t == tick.t == tick.state.t for tick in ticks)
+
+
+def test_eyes_see_every_frame_once() -> None:
+    law = Constant(0, 0)
+    with TwinRig("rest", pictures=False) as rig:
+        eyes = Watched(rig)
+        result = loop.run(rig, eyes, law, duration_s=2.0)
+    # 25 Hz, 0.4 s late: after 2 s, the exposures from 0 to 1.6 s have come.
+    assert eyes.shown == list(range(41))
+    assert [seen.frame.seq for seen in result.seen] == eyes.shown
+    observations = [observation for _, _, observation in law.told if observation]
+    assert observations == [seen.observation for seen in result.seen]
+    for seen in result.seen:
+        assert seen.truth
+        assert seen.truth.t == pytest.approx(seen.frame.t_capture)  # no jitter: belief is true
+    first = result.seen[0].frame.t_available
+    for tick in result.ticks:
+        seeing = tick.t >= first - 1e-9  # rounding of the delivery time
+        assert tick.status is (Status.TRACKING if seeing else Status.SEARCHING)
+
+
+def test_frames_that_never_arrive_are_not_waited_for() -> None:
+    scenario = Scenario(name="lossy", camera=Camera(drop_fraction=0.5))
+    with TwinRig(scenario, pictures=False) as rig:
+        eyes = Watched(rig)
+        result = loop.run(rig, eyes, Constant(0, 0), duration_s=2.0)
+    assert 0 < len(eyes.shown) < 41
+    assert eyes.shown == sorted(set(eyes.shown))
+    assert len(eyes.shown) + sum(s.frame.dropped for s in result.seen) == eyes.shown[-1] + 1
+
+
+def test_an_interrupt_is_a_safe_end() -> None:
+    def progress(t: float) -> None:
+        if t > 0.5:
+            raise KeyboardInterrupt
+
+    with TwinRig("rest", pictures=False) as rig:
+        eyes = TruthEyes(rig.truth)
+        result = loop.run(rig, eyes, Constant(0.5, 0.5), duration_s=9.0, progress=progress)
+        assert result.interrupted
+        assert result.ticks[-1].t == pytest.approx(0.52)
+        assert rig.actuators.mode is Mode.HOLDING
+        goal = rig.actuators.exchange(None).target
+        rig.clock.sleep_until(1.0)
+        assert rig.actuators.exchange(None).target == goal
+
+
+def test_a_law_that_gives_nan_is_stopped() -> None:
+    rows = Rows()
+    with TwinRig("rest", pictures=False) as rig:
+        eyes, law = TruthEyes(rig.truth), Constant(0.1, nan)
+        with pytest.raises(CommandError, match=r"^command for left_right is nan") as caught:
+            loop.run(rig, eyes, law, duration_s=1.0, recorder=rows)
+        assert caught.value.axis == "left_right"
+        assert rig.actuators.mode is Mode.HOLDING
+        assert len(rows.ticks) == 1  # the command was refused when it was sent
+
+
+def test_a_fault_ends_the_run_with_its_rows_kept() -> None:
+    rows = Rows()
+    weak = Instrument(handle_torque_nm=0.001)  # cannot turn the handle against its wires
+    with TwinRig("rest", instrument=weak, pictures=False) as rig:
+        eyes, law = TruthEyes(rig.truth), Constant(2.0, 0.0)
+        with pytest.raises(DeviceFault, match=r"^handle up_down is \+"):
+            loop.run(rig, eyes, law, duration_s=5.0, recorder=rows)
+        assert rig.actuators.mode is Mode.FAULT
+        assert rows.ticks[-1].state.mode is Mode.ENABLED
+        assert rows.ticks[-1].t == pytest.approx(rig.clock.now() - loop.PERIOD_S)
+
+
+def test_pi_brings_the_target_to_the_centre() -> None:
+    with TwinRig(ASIDE, pictures=False) as rig:
+        law = PI(rig.camera.calibration)
+        result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=20.0)
+    error_deg = [tick.truth.error_deg for tick in result.ticks if tick.truth]
+    assert error_deg[0] == pytest.approx(14.0, abs=0.1)  # atan(30 mm / 120 mm)
+    # It closes with about 1 / ki = 4 s; a tenth leaves room for friction and the shape of the bend.
+    assert max(error_deg[-100:]) < 1.4

@@ -1,0 +1,254 @@
+"""Scores against closed forms, on runs made by hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from math import nan, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from endolock.control import metrics
+from endolock.control.loop import Run, Seen, Tick
+from endolock.hw.api import Calibration, Frame, Mode, Plant, Pose, State, TruthSample
+from endolock.vision.observation import Observation, Status
+
+CAMERA = Calibration(width=640, height=480, focal_px=250.0, centre_px=(319.5, 239.5))
+PERIOD_S = 0.02
+
+ROUNDING = 1e-9  # of a few hundred operations on numbers below a thousand
+
+GROUPS = {
+    "error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
+    "error_deg": {"rms", "max"},
+    "delayed_error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
+    "vision_error_px": {"rms", "max"},
+    "handle": {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s"},
+}
+SINGLE = {"frames", "frames_dropped", "detected_fraction", "lost_fraction", "time_to_lock_s"}
+SINGLE |= {"blur_px"}
+
+POSE = Pose(t=0.0, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0))
+PLANT = Plant(
+    bend_rad=(0.0, 0.0),
+    tip=POSE,
+    board=POSE,
+    backbone=np.zeros((2, 3)),
+    tension_handle_n=(),
+    tension_section_n=(),
+)
+
+
+def truth(right_px: float, down_px: float = 0.0, error_deg: float = 0.0) -> TruthSample:
+    """Place the target so far from the image centre."""
+    u, v = CAMERA.centre_px
+    return TruthSample(
+        t=0.0,
+        target_px=(u + right_px, v + down_px),
+        in_picture=True,
+        distance_m=0.12,
+        error_deg=error_deg,
+        plant=PLANT,
+    )
+
+
+def tick(
+    t: float,
+    sample: TruthSample | None = None,
+    position: tuple[float, float] = (0.0, 0.0),
+    velocity: tuple[float, float] = (0.0, 0.0),
+    status: Status = Status.TRACKING,
+) -> Tick:
+    state = State(
+        t=t,
+        t_err=0.0,
+        seq=0,
+        position=position,
+        velocity=velocity,
+        current=(0.0, 0.0),
+        target=position,
+        clipped=(0, 0),
+        fresh=True,
+        mode=Mode.ENABLED,
+        device_tick=0,
+    )
+    return Tick(t=t, skipped=0, command=None, state=state, status=status, truth=sample)
+
+
+def frame(
+    t: float, right_px: float, sample: TruthSample | None, status: Status = Status.TRACKING
+) -> Seen:
+    u, v = CAMERA.centre_px
+    pixel = (u + right_px, v) if status is Status.TRACKING else (nan, nan)
+    return Seen(
+        frame=Frame(image=None, t_capture=t - 0.4, t_available=t, seq=0, dropped=1),
+        observation=Observation(t_capture=t - 0.4, seq=0, status=status, target_px=pixel),
+        overview=None,
+        truth=sample,
+    )
+
+
+def score(ticks: Sequence[Tick], seen: Sequence[Seen] = (), from_s: float = 0.0) -> dict[str, Any]:
+    return metrics.score(Run(ticks=list(ticks), seen=list(seen)), CAMERA, from_s)
+
+
+def errors(*px: float, start_s: float = 0.0) -> list[Tick]:
+    """Make ticks with these errors."""
+    return [tick(start_s + n * PERIOD_S, truth(e)) for n, e in enumerate(px)]
+
+
+def turning(rate: Callable[[float], tuple[float, float]]) -> dict[str, float]:
+    """Score the handles over a second at a given speed."""
+    times = [n * PERIOD_S for n in range(51)]
+    handle: dict[str, float] = score([tick(t, velocity=rate(t)) for t in times])["handle"]
+    return handle
+
+
+def placed(position: Callable[[float], float], duration_s: float) -> dict[str, float]:
+    """Score the handles, of which up_down stands still."""
+    times = [n * PERIOD_S for n in range(round(duration_s / PERIOD_S) + 1)]
+    handle: dict[str, float] = score([tick(t, position=(0.0, position(t))) for t in times])[
+        "handle"
+    ]
+    return handle
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_every_score_has_its_place(known: bool) -> None:
+    sample = truth(5.0) if known else None
+    result = score([tick(n * PERIOD_S, sample) for n in range(200)], [frame(1.0, 5.0, sample)])
+    assert set(result) == SINGLE | set(GROUPS)
+    assert {name: set(result[name]) for name in GROUPS} == GROUPS
+    values = [result[name] for name in SINGLE]
+    values += [value for name in GROUPS for value in result[name].values()]
+    assert (None not in values) is known
+    json.dumps(result, allow_nan=False)  # plain numbers
+
+
+def test_a_constant_error() -> None:
+    result = score([tick(n * PERIOD_S, truth(18.0, -24.0, 6.8)) for n in range(100)])
+    assert result["error_px"] == pytest.approx(
+        {"rms": 30, "p95": 30, "max": 30, "mean": 30, "within_20": 0, "within_50": 1}
+    )
+    assert result["error_deg"] == pytest.approx({"rms": 6.8, "max": 6.8})
+    assert result["blur_px"] == 0.0
+
+
+def test_percentiles_and_shares() -> None:
+    result = score(errors(*range(100, -1, -1)))["error_px"]
+    assert result == pytest.approx(
+        {
+            "rms": sqrt(100 * 101 * 201 / 6 / 101),  # sum of squares up to 100
+            "p95": 95,
+            "max": 100,
+            "mean": 50,
+            "within_20": 21 / 101,  # 0 to 20
+            "within_50": 51 / 101,
+        },
+        abs=ROUNDING,
+    )
+
+
+def test_a_target_behind_the_camera_counts_as_far_away() -> None:
+    result = score([*errors(0, 0, 0), tick(1.0, truth(nan, nan, 180.0))])
+    assert result["error_px"]["max"] == metrics.BEHIND_PX
+    assert result["error_px"]["within_50"] == 0.75
+    assert result["error_deg"]["max"] == 180.0
+    json.dumps(result, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("px", "locked_s"),
+    [
+        ([50.0] * 50 + [19.0] * 101, 1.0),
+        ([50.0] * 50 + [19.0] * 101 + [50.0] * 50, 1.0),  # what was lost later had been locked
+        ([50.0] * 50 + [19.0] * 50 + [50.0] * 50 + [19.0] * 101, 3.0),  # 1 s is no lock
+        ([19.0] * 101, 0.0),
+        ([19.0] * 100, None),  # 1.98 s
+        ([20.0] * 500, None),  # not below the bound
+        ([19.0] * 50 + [nan] + [19.0] * 101, 1.02),  # behind the camera for one tick
+    ],
+)
+def test_time_to_lock(px: list[float], locked_s: float | None) -> None:
+    got = score(errors(*px, start_s=7.0), from_s=9.0)["time_to_lock_s"]
+    # Counted from the first tick, and over all of them.
+    assert got is None if locked_s is None else got == pytest.approx(locked_s, abs=ROUNDING)
+
+
+def test_without_truth_only_the_delayed_error_is_known() -> None:
+    ticks = [tick(n * PERIOD_S) for n in range(200)]
+    result = score(ticks, [frame(n * 0.04, 40.0, None) for n in range(100)])
+    for name in ("error_px", "error_deg", "vision_error_px"):
+        assert set(result[name].values()) == {None}
+    assert result["time_to_lock_s"] is None
+    assert result["blur_px"] is None
+    assert result["delayed_error_px"] == pytest.approx(
+        {"rms": 40, "p95": 40, "max": 40, "mean": 40, "within_20": 0, "within_50": 1}
+    )
+
+
+def test_an_empty_run_has_no_scores() -> None:
+    result = score([])
+    assert (result["frames"], result["frames_dropped"]) == (0, 0)
+    for name in SINGLE - {"frames", "frames_dropped"}:
+        assert result[name] is None
+    for name in GROUPS:
+        assert set(result[name].values()) == {None}
+
+
+def test_what_comes_before_is_not_scored() -> None:
+    ticks = errors(*[100.0] * 50, *[10.0] * 51)
+    seen = [frame(t, 100.0 if t < 1.0 else 10.0, truth(0.0)) for t in (0.5, 0.98, 1.0, 1.5)]
+    result = score(ticks, seen, from_s=1.0)
+    assert result["error_px"]["max"] == result["delayed_error_px"]["max"] == pytest.approx(10)
+    assert result["vision_error_px"]["max"] == pytest.approx(10)
+    assert result["frames"] == 4  # all that came
+
+
+def test_frames_are_counted() -> None:
+    seen = [frame(0.1 * n, 0.0, None) for n in range(6)]
+    seen += [frame(0.6, 0.0, None, Status.COASTING), frame(0.7, 0.0, None, Status.LOST)]
+    lost = [Status.TRACKING] * 3 + [Status.SEARCHING, Status.COASTING] + [Status.LOST] * 5
+    result = score([tick(n * PERIOD_S, status=s) for n, s in enumerate(lost)], seen)
+    assert (result["frames"], result["frames_dropped"]) == (8, 8)  # one before each
+    assert result["detected_fraction"] == 0.75
+    assert result["lost_fraction"] == 0.5
+    assert result["delayed_error_px"]["max"] == 0.0  # of those that were accepted
+
+
+def test_vision_is_compared_with_the_truth_of_the_exposure() -> None:
+    seen = [frame(0.4, 12.0, truth(9.0)), frame(0.5, 12.0, truth(12.0, -4.0))]
+    seen.append(frame(0.6, 0.0, truth(300.0), Status.COASTING))  # nothing to compare
+    assert score([], seen)["vision_error_px"] == pytest.approx({"rms": sqrt(12.5), "max": 4.0})
+
+
+def test_speed_acceleration_and_jerk_of_both_handles_together() -> None:
+    uniform = turning(lambda t: (-0.3, 0.4))
+    assert uniform["rate_rms"] == pytest.approx(0.5)
+    assert uniform["accel_rms"] == uniform["jerk_rms"] == 0.0
+    speeding = turning(lambda t: (3 * t, -4 * t))
+    assert speeding["accel_rms"] == pytest.approx(5.0)
+    assert speeding["jerk_rms"] == pytest.approx(0.0, abs=ROUNDING)
+    # Second differences of a parabola are exact.
+    assert turning(lambda t: (3 * t**2 / 2, -2 * t**2))["jerk_rms"] == pytest.approx(5.0)
+
+
+def test_a_triangle_wave_turns_twice_in_a_period() -> None:
+    handle = placed(lambda t: 0.1 * abs((t + 0.5) % 1.0 - 0.5), 4.0)  # up 50 mrad and down
+    assert handle["reversals_per_s"] == pytest.approx(7 / 4)  # at 0.5, 1, ... 3.5 s
+    assert handle["travel_rad"] == pytest.approx(8 * 0.05)
+
+
+def test_a_ripple_below_the_resolution_is_no_reversal() -> None:
+    small, large = 0.9 * metrics.REVERSAL_RAD, 1.1 * metrics.REVERSAL_RAD
+    assert placed(lambda t: small * (round(t / PERIOD_S) % 2), 4.0)["reversals_per_s"] == 0.0
+    # One sign change a tick, but for the first, which sets the direction.
+    shaking = placed(lambda t: large * (round(t / PERIOD_S) % 2), 4.0)["reversals_per_s"]
+    assert shaking == pytest.approx(199 / 4)
+
+
+def test_blur_is_the_motion_within_an_exposure() -> None:
+    ticks = [tick(n * PERIOD_S, truth(60 * n * PERIOD_S, 80 * n * PERIOD_S)) for n in range(100)]
+    assert score(ticks)["blur_px"] == pytest.approx(100 * metrics.EXPOSURE_S)  # at 100 px/s

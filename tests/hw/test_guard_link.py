@@ -1,0 +1,137 @@
+"""How a guard meets a drive whose answers fail to come, or that breaks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from endolock.hw.api import Command, DeviceFault, HardwareError, LinkLost, Mode, State
+from endolock.hw.guard import Guard, GuardSettings
+
+if TYPE_CHECKING:
+    from tests.hw.conftest import BenchDrive
+
+PERIOD_S = 0.02
+
+
+def exchange(guard: Guard, n: int, position: tuple[float, float] | None = None) -> list[State]:
+    """Exchange so many times, 20 ms apart."""
+    states = []
+    for _ in range(n):
+        guard.clock.sleep_until(guard.clock.now() + PERIOD_S)
+        states.append(guard.exchange(Command(position=position) if position else None))
+    return states
+
+
+def test_one_lost_answer_only_says_so(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.clock.sleep_until(5.0)  # the age counts from enable(), not from power on
+        guard.enable()
+        bench.answers = False
+        assert not exchange(guard, 1)[0].fresh
+        bench.answers = True
+        before = exchange(guard, 4, (0.9, 0.9))[-1]
+        bench.answers = False
+        (lost,) = exchange(guard, 1, (0.9, 0.9))
+        assert not lost.fresh
+        assert (lost.t, lost.position) == (before.t, before.position)  # the last measurements
+        assert all(b > a for a, b in zip(before.target, lost.target, strict=True))  # goes on
+        bench.answers = True
+        (found,) = exchange(guard, 1, (0.9, 0.9))
+        assert found.fresh
+        assert all(b > a for a, b in zip(before.position, found.position, strict=True))
+        assert [before.seq, lost.seq, found.seq] == [5, 6, 7]  # enable() was 0
+
+
+@pytest.mark.parametrize("max_age_s", [0.03, 0.1, 0.25])
+def test_silence_beyond_the_allowed_age_is_a_lost_link(bench: BenchDrive, max_age_s: float) -> None:
+    with Guard(bench, GuardSettings(max_age_s=max_age_s)) as guard:
+        guard.enable()
+        exchange(guard, 3)
+        heard = guard.clock.now()
+        bench.answers = False
+        with pytest.raises(LinkLost, match=r"^no answer from the handles for 0\.\d{3} s;") as e:
+            exchange(guard, 100)
+        # The first exchange beyond the age, with room for the rounding of the clock.
+        assert max_age_s < e.value.t - heard <= max_age_s + PERIOD_S + 1e-9
+        assert guard.mode is Mode.FAULT
+        bench.answers = True  # an answer does not heal it
+        with pytest.raises(LinkLost, match=r"clear_fault\(\) and enable\(\)$"):
+            guard.exchange(None)
+        guard.clear_fault()
+        assert not bench.on
+        guard.enable()
+        assert exchange(guard, 3)[-1].fresh
+
+
+def test_answers_now_and_then_keep_the_link(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        for n in range(100):
+            bench.answers = n % 5 == 4  # every 0.1 s, just the allowed age
+            (state,) = exchange(guard, 1)
+            assert state.fresh == bench.answers
+
+
+def test_a_blocked_handle_is_not_pushed_any_further(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        stuck = bench.handle
+        bench.blocked = True
+        with pytest.raises(DeviceFault) as e:
+            exchange(guard, 100, (0.3, 1.4))
+        assert e.value.axis == "left_right"
+        bench.blocked = False
+        guard.clock.sleep_until(guard.clock.now() + 1.0)
+        bench.transfer(None)
+        # The goal went back to where it was measured, to the nearest half step.
+        assert bench.handle == pytest.approx(stuck, abs=bench.STEP_RAD / 2)
+        guard.clear_fault()
+        guard.enable()
+        # Freed, it arrives: 80 periods are 1.1 rad of slew at 1.5 rad/s and many lags.
+        assert exchange(guard, 80, (0.3, 0.9))[-1].position == pytest.approx(
+            (0.3, 0.9),
+            abs=bench.STEP_RAD,  # of the encoder
+        )
+
+
+def test_torque_comes_on_only_with_the_goal_in_place(bench: BenchDrive) -> None:
+    start = bench.handle  # not zero, while zero is the goal that such a drive wakes up with
+    with Guard(bench) as guard:
+        guard.enable()
+        assert bench.on
+        exchange(guard, 50)
+        assert bench.handle == pytest.approx(start, abs=bench.STEP_RAD / 2)  # nearest step
+    assert not bench.on
+
+
+def test_a_fault_of_the_device_is_latched_too(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        bench.breaks = fault = DeviceFault("motor 2 is hot", kind="overheat", t=0.0)
+        with pytest.raises(DeviceFault, match=r"^motor 2 is hot") as e:
+            guard.exchange(None)
+        assert guard.mode is Mode.FAULT
+        assert e.value is fault
+        # Where even holding fails, the first error says so; it is not replaced.
+        assert e.value.__notes__ == ["and the handles could not be told to hold: motor 2 is hot"]
+        bench.breaks = None
+
+
+def test_a_drive_that_breaks_on_closing_hides_nothing(bench: BenchDrive) -> None:
+    def leave() -> None:
+        with Guard(bench):
+            bench.breaks = HardwareError("cable gone", t=0.0)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        leave()
+
+
+def test_a_drive_that_breaks_on_closing_is_reported(bench: BenchDrive) -> None:
+    guard = Guard(bench)
+    with pytest.raises(HardwareError, match=r"^cable gone$"), guard:
+        bench.breaks = HardwareError("cable gone", t=0.0)
+    assert guard.mode is Mode.DISCONNECTED
+    guard.close()  # a second time finds nothing to do
