@@ -256,7 +256,7 @@ class Guard:
             moved.append(min(max(wanted, goal - reach), goal + reach))
         # The goal goes on from the unrounded value: rounding must not eat slow motion.
         self._goal = tuple(moved)
-        asked = self._wanted if command is None else tuple(command.position)
+        asked = self._wanted if command is None else tuple(float(p) for p in command.position)
         return tuple((a > g) - (a < g) for a, g in zip(asked, self._goal, strict=True))
 
     def _freeze(self) -> None:

@@ -120,7 +120,7 @@ def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, 
         folder = recorder.RunFolder(path, configuration)
         start = time.perf_counter()
         try:
-            with progress(f"{name}", scenario.duration_s, show_progress) as tell:
+            with progress(name, scenario.duration_s, show_progress) as tell:
                 result = loop.run(
                     rig,
                     eyes,
@@ -173,17 +173,21 @@ def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[fl
         with bar if show else nullcontext():
             task = bar.add_task(label, total=duration_s)
 
-            shown = 0.0
+            shown = now = 0.0
 
             def tell(t: float) -> None:
-                nonlocal shown
-                if show and t - shown >= 0.2:
-                    shown = t
-                    bar.update(task, completed=t)
+                nonlocal shown, now
+                now = t
+                if show and now - shown >= 0.2:
+                    shown = now
+                    bar.update(task, completed=now)
                 if asked:
                     raise KeyboardInterrupt
 
-            yield tell
+            try:
+                yield tell
+            finally:
+                bar.update(task, completed=now)
     finally:
         signal.signal(signal.SIGINT, before)
 

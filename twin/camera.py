@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections import deque
 
 import mujoco
-import numpy as np
 
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 from endolock.twin import scene
+from endolock.twin.randomness import generator
 from endolock.vision import camera_model
 
 
@@ -60,7 +60,8 @@ class Renderer:
         except Exception as error:  # whatever the OpenGL platform in use raises
             raise ConfigError(
                 f"cannot render a picture off-screen ({error or type(error).__name__}); install "
-                "EGL (Debian and Ubuntu: apt install libegl1 libgl1), or use --vision truth"
+                "EGL (Debian and Ubuntu: apt install libegl1 libgl1) and import endolock before "
+                "mujoco, or use --vision truth"
             ) from error
         renderer.scene.flags[:] = 0
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
@@ -73,23 +74,26 @@ class TwinCamera:
     Args:
         calibration: its geometry.
         clock: tells what has arrived.
+        seed: of the irregularities.
         latency_s: exposure to delivery [s], also what the camera believes.
         jitter_s: the latency varies evenly by +- this [s].
-        jitter: random numbers for it.
-
+        drop_fraction: share of the frames that never arrive [1].
     """
 
     def __init__(
         self,
         calibration: Calibration,
         clock: Clock,
+        seed: int,
         *,
-        latency_s: float,
-        jitter_s: float,
-        jitter: np.random.Generator,
+        latency_s: float = 0.0,
+        jitter_s: float = 0.0,
+        drop_fraction: float = 0.0,
     ) -> None:
         self._calibration, self._clock = calibration, clock
-        self._latency_s, self._jitter_s, self._jitter = latency_s, jitter_s, jitter
+        self._latency_s, self._jitter_s, self._drop_fraction = latency_s, jitter_s, drop_fraction
+        self._jitter = generator(seed, "camera.jitter")
+        self._drops = generator(seed, "camera.drops")
         self._line: deque[tuple[float, int, Image | None]] = deque()
         self._newest: Frame | None = None
         self._last_available = 0.0
@@ -99,11 +103,17 @@ class TwinCamera:
         """Its geometry."""
         return self._calibration
 
-    def expose(self, seq: int, t: float, image: Image | None) -> None:
-        """Send the picture exposed at `t` [s] on its way."""
-        available = t + self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
+    def delivery(self, t: float) -> float | None:
+        """Draw when the frame exposed at `t` [s] will arrive; None if never."""
+        late = self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
+        if self._drops.random() < self._drop_fraction:
+            return None
         # A video chain delivers in order.
-        self._last_available = available = max(available, t, self._last_available)
+        self._last_available = max(t + late, t, self._last_available)
+        return self._last_available
+
+    def send(self, seq: int, available: float, image: Image | None) -> None:
+        """Put a picture on its way, to arrive at `available` [s]."""
         self._line.append((available, seq, image))
 
     def latest(self) -> Frame | None:

@@ -20,7 +20,6 @@ from endolock.twin import camera, scenario
 from endolock.twin.drive import TwinDrive
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.plant import TwinPlant
-from endolock.twin.randomness import generator
 from endolock.twin.scenario import Scenario
 from endolock.twin.truth import TwinTruth
 
@@ -95,25 +94,19 @@ class TwinRig:
         self.camera = camera.TwinCamera(
             calibration,
             self.clock,
+            seed,
             latency_s=video.latency_s,
             jitter_s=video.jitter_s,
-            jitter=generator(seed, "camera.jitter"),
+            drop_fraction=video.drop_fraction,
         )
         self._fixed, fixed_calibration = camera.of_model(model, "overview", *OVERVIEW_SIZE)
         self.overview: camera.TwinCamera | None = None
         if overview and pictures:
-            self.overview = camera.TwinCamera(
-                fixed_calibration,
-                self.clock,
-                latency_s=0.0,
-                jitter_s=0.0,
-                jitter=generator(seed, "overview.jitter"),
-            )
+            self.overview = camera.TwinCamera(fixed_calibration, self.clock, seed)
         # Frames under way, and a second more for who asks late.
         under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._renderer = camera.Renderer(model) if pictures else None
-        self._drops = generator(seed, "camera.drops")
         self._exposed = 0
 
     def advance(self, step: int) -> None:
@@ -163,7 +156,8 @@ class TwinRig:
         seq, t = self._exposed, self.plant.t
         self._exposed += 1
         self.truth.expose(seq)
-        if self._drops.random() < self.scenario.camera.drop_fraction:
+        available = self.camera.delivery(t)
+        if available is None:
             return
         image = None
         if self._renderer:
@@ -172,8 +166,8 @@ class TwinRig:
             image = self._renderer.draw(data, self._tip, video.width, video.height)
             if self.overview:
                 fixed = self._renderer.draw(data, self._fixed, *OVERVIEW_SIZE)
-                self.overview.expose(seq, t, fixed)
-        self.camera.expose(seq, t, image)
+                self.overview.send(seq, t, fixed)
+        self.camera.send(seq, available, image)
 
 
 def load(source: str | Path | Scenario) -> Scenario:

@@ -103,6 +103,10 @@ class Scenario(_Section):
         return sum(m[0] for m in moves), sum(m[1] for m in moves)
 
 
+SECTIONS: dict[str, type[BaseModel]] = {"board": Board, "camera": Camera}
+KINDS: dict[str, type[BaseModel]] = {"strokes": Strokes, "circle": Circle}
+
+
 def names() -> list[str]:
     """Names of the scenarios that come with the package."""
     return sorted(f.name[:-5] for f in _folder().iterdir() if f.name.endswith(".toml"))
@@ -164,20 +168,20 @@ def _first(error: ValidationError) -> str:
     problem = error.errors()[0]
     where = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
-        known = _keys(problem["loc"][:-1])
-        near = get_close_matches(str(problem["loc"][-1]), known, 1, cutoff=0.4)
-        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-        return f"unknown key {where}; {hint}"
+        name, known = str(problem["loc"][-1]), _keys(problem["loc"][:-1])
+        elsewhere = {key: f"{part}.{key}" for part in SECTIONS for key in _keys((part,))}
+        near = get_close_matches(name, known, 1) or get_close_matches(name, elsewhere, 1)
+        if near:
+            return f"unknown key {where}; did you mean {elsewhere.get(near[0], near[0])}?"
+        return f"unknown key {where}; known are {', '.join(known)}"
     text = problem["msg"].replace("Input should be", "should be")
     got = "" if problem["type"] == "missing" else f", got {problem['input']!r}"
     return f"{where}: {text}{got}"
 
 
 def _keys(place: tuple[int | str, ...]) -> list[str]:
-    """Keys that may stand at a place of a scenario file."""
+    """List the keys that may stand at a place of a scenario file."""
     model: type[BaseModel] = Scenario
-    kinds: dict[int | str, type[BaseModel]] = {"strokes": Strokes, "circle": Circle}
-    sections: dict[int | str, type[BaseModel]] = {"board": Board, "camera": Camera}
     for part in place:
-        model = {**sections, **kinds}.get(part, model)
+        model = {**SECTIONS, **KINDS}.get(str(part), model)
     return [key for key in model.model_fields if key != "name"]

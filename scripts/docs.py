@@ -1,0 +1,63 @@
+"""`./run docs`: writes again everything in docs/ and models/ that is generated."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from endolock.scripts import cli, run, strip
+from endolock.twin import generate, scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px", "lost")
+HEAD = """# Results
+
+Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
+*now* is the true error at every control tick, *seen* what vision saw, 0.4 s old. The law is our
+reproduction of the thesis' PI with assumed gains, on the twin; nothing here was measured on an
+endoscope.
+
+"""
+
+
+def main(_args: list[str]) -> int:
+    """Regenerate the model files, then docs/results.md and docs/strip.png."""
+    console = Console(stderr=True)
+    console.print("models/endoscope")
+    generate.main()
+    records = []
+    for name in scenario.names():
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place) / "run"
+            record, _ = run.perform(run.Request(scenario=name, out=folder))
+            records.append(record)
+            if name == "straight":
+                strip.write(folder, folder / "strip.png")
+                shutil.copy(folder / "strip.png", ROOT / "docs" / "strip.png")
+    (ROOT / "docs" / "results.md").write_text(HEAD + _markdown(records), encoding="utf-8")
+    return 0
+
+
+def _markdown(records: list[dict[str, Any]]) -> str:
+    lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "--:|" * (len(HEADINGS) - 2)]
+    for r in records:
+        error = r["error_px"]
+        cells = [
+            r["scenario"],
+            r["controller"],
+            *(f"{error[key]:.1f}" for key in ("rms", "p95", "max")),
+            f"{r['delayed_error_px']['rms']:.1f}",
+            f"{r['vision_error_px']['rms']:.2f}",
+            f"{100 * r['lost_fraction']:.1f} %",
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(cli.guarded(main, sys.argv[1:]))

@@ -1,0 +1,170 @@
+"""The twin as a rig: one schedule, late frames, true and believed time, reproducible bits."""
+
+import hashlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from endolock.hw.api import Command, ConfigError, Rig
+from endolock.twin import scenario
+from endolock.twin.randomness import generator
+from endolock.twin.rig import TwinRig
+
+
+def _fast(**camera: float) -> scenario.Scenario:
+    return scenario.load("circle", {f"camera.{key}": value for key, value in camera.items()})
+
+
+def test_it_is_a_rig() -> None:
+    rig: Rig = TwinRig("rest", pictures=False)  # the type checker compares it with the protocol
+    assert rig.clock.now() == 0.0
+    assert not rig.clock.realtime
+    assert rig.tracker is None
+
+
+def test_time_moves_only_while_sleeping() -> None:
+    rig = TwinRig("circle", pictures=False)
+    with rig:
+        rig.actuators.enable()
+        before = rig.plant.data.qpos.copy()
+        for _ in range(5):
+            rig.actuators.exchange(Command(position=(0.3, 0.3)))
+            rig.camera.latest()
+            rig.truth.now()
+        assert rig.clock.now() == 0.0
+        assert np.array_equal(rig.plant.data.qpos, before)
+        assert rig.clock.sleep_until(0.0031) == pytest.approx(0.004)  # the next point of 2 ms
+        assert rig.clock.sleep_until(0.001) == pytest.approx(0.004)  # it does not go back
+
+
+@settings(max_examples=10, deadline=None)
+@given(cuts=st.lists(st.floats(0.0, 0.5), max_size=12))
+def test_slicing_a_sleep_changes_no_bit(cuts: list[float]) -> None:
+    def end(moments: list[float]) -> tuple[bytes, list[tuple[int, float]]]:
+        rig = TwinRig(_fast(latency_s=0.06, jitter_s=0.05, drop_fraction=0.2), pictures=False)
+        seen: dict[int, float] = {}
+        with rig:
+            rig.actuators.enable()
+            rig.actuators.exchange(Command(position=(0.4, -0.3), valid_for=9.0))
+            for t in [*sorted(moments), 0.5]:
+                rig.clock.sleep_until(t)
+            # whatever arrived on the way, the newest frame is the same
+            if frame := rig.camera.latest():
+                seen[frame.seq] = frame.t_available
+            state = rig.plant.data
+            bits = state.qpos.tobytes() + state.qvel.tobytes() + state.act.tobytes()
+            bits += rig.plant.model.dof_frictionloss.tobytes()
+        return bits, sorted(seen.items())
+
+    assert end(cuts) == end([])
+
+
+def test_one_seed_gives_the_same_pictures() -> None:
+    def pictures() -> list[str]:
+        digests = []
+        with TwinRig("circle", seed=3) as rig:
+            rig.actuators.enable()
+            for n in range(1, 16):
+                rig.actuators.exchange(Command(position=(0.02 * n, 0.01 * n)))
+                rig.clock.sleep_until(0.04 * n)
+                frame = rig.camera.latest()
+                if frame and frame.image is not None:
+                    digests.append(hashlib.sha256(frame.image.tobytes()).hexdigest())
+        return digests
+
+    first = pictures()
+    assert len(set(first)) > 3  # the picture moves
+    assert first == pictures()
+
+
+def test_frames_arrive_late_and_the_camera_believes_its_calibration() -> None:
+    rig = TwinRig(_fast(latency_s=0.1), pictures=False)
+    rig.clock.sleep_until(0.098)
+    assert rig.camera.latest() is None
+    rig.clock.sleep_until(0.3)
+    frame = rig.camera.latest()
+    assert frame is not None
+    assert frame.seq == 5  # exposed at 0.2 s, the sixth of 25 a second
+    assert frame.t_available == pytest.approx(0.3)
+    assert frame.t_capture == pytest.approx(0.2)
+    assert rig.truth.at_exposure(5).t == pytest.approx(0.2)
+
+
+def test_with_jitter_belief_and_truth_differ_but_order_stays() -> None:
+    rig = TwinRig(_fast(latency_s=0.1, jitter_s=0.05), pictures=False)
+    apart, last = [], -1.0
+    for n in range(1, 400):
+        now = rig.clock.sleep_until(0.01 * n)
+        frame = rig.camera.latest()
+        if frame is None:
+            continue
+        assert last <= frame.t_available <= now + 1e-9  # the clock's grid, nothing from the future
+        last = frame.t_available
+        apart.append(frame.t_capture - rig.truth.at_exposure(frame.seq).t)
+    assert max(np.abs(apart)) <= 0.05 + 1e-9  # the jitter given
+    assert np.std(apart) > 0.01  # evenly spread over +-50 ms it is 29 ms
+
+
+def test_dropped_frames_are_counted_and_leave_gaps() -> None:
+    rig = TwinRig(_fast(latency_s=0.0, drop_fraction=0.3), pictures=False)
+    numbers, dropped = [], 0
+    for n in range(1, 101):
+        rig.clock.sleep_until(0.04 * n)
+        frame = rig.camera.latest()
+        assert frame is not None
+        if frame.seq not in numbers:
+            numbers.append(frame.seq)
+            dropped += frame.dropped
+    assert len(numbers) + dropped == numbers[-1] + 1
+    assert 15 < dropped < 45  # 30 of 100; binomial with a standard deviation of 4.6
+
+
+def test_each_noise_source_has_its_own_numbers() -> None:
+    a, b = generator(1, "camera.jitter"), generator(1, "camera.drops")
+    assert not np.array_equal(a.random(8), b.random(8))
+
+    def delays(drop_fraction: float) -> dict[int, float]:
+        # 10 ms of jitter cannot reorder frames 40 ms apart, so nothing else moves the stamps
+        camera = _fast(latency_s=0.1, jitter_s=0.01, drop_fraction=drop_fraction)
+        rig = TwinRig(camera, pictures=False, seed=5)
+        stamps = {}
+        for n in range(1, 200):
+            rig.clock.sleep_until(0.01 * n)
+            if frame := rig.camera.latest():
+                stamps[frame.seq] = frame.t_available
+        return stamps
+
+    whole, thinned = delays(0.0), delays(0.4)
+    assert len(thinned) < len(whole)
+    assert all(whole[seq] == stamp for seq, stamp in thinned.items())
+
+
+def test_truth_is_remembered_while_frames_are_under_way() -> None:
+    rig = TwinRig(_fast(latency_s=0.4), pictures=False)
+    rig.clock.sleep_until(3.0)
+    frame = rig.camera.latest()
+    assert frame is not None
+    assert rig.truth.at_exposure(frame.seq).t == pytest.approx(frame.t_capture)
+    with pytest.raises(LookupError, match=r"no truth for frame 0; remembered are \d+\.\.75"):
+        rig.truth.at_exposure(0)
+
+
+def test_the_handle_is_read_through_its_encoder() -> None:
+    rig = TwinRig("rest", pictures=False)
+    with rig:
+        rig.actuators.enable()
+        for n in range(1, 51):
+            state = rig.actuators.exchange(Command(position=(0.3, -0.2)))
+            rig.clock.sleep_until(0.02 * n)
+    step = rig.plant.instrument.encoder_step_rad
+    counts = np.array(state.position + state.target) / step
+    assert counts == pytest.approx(np.round(counts), abs=1e-9)  # whole counts; float division
+    # the servo has no integral part and droops by 7-8 mrad under the wires' load
+    assert state.position == pytest.approx((0.3, -0.2), abs=0.012)
+
+
+def test_a_negative_seed_is_refused() -> None:
+    with pytest.raises(ConfigError, match="seed -1; use a whole number, 0 or more"):
+        TwinRig("rest", seed=-1, pictures=False)
