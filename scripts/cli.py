@@ -70,12 +70,18 @@ def parse(kind: Any, prog: str, args: list[str]) -> Any:
 
 
 def fold(box: str) -> str:
-    """Turn a framed message of several lines into one line, without frame and help text."""
-    rows = [row.strip("│╭╮╰╯ \t") for row in box.splitlines()]
-    lines = [row for row in rows if row.strip("─")]
-    end = next((i for i, row in enumerate(rows) if re.fullmatch("─{8,}", row)), len(rows))
-    first = [row for row in rows[:end] if row in lines and not row.startswith("─")]
-    return f"{' '.join(first).rstrip('.')}. {lines[-1].rstrip('.')}" if lines else "wrong usage"
+    """Turn a framed message of several lines into one line, without title, frame and help text.
+
+    The frame is drawn in box characters, or with dashes where the terminal knows no others.
+    """
+    rows = [row.strip("│╭╮╰╯ ") for row in box.splitlines()]
+    rules = [i for i, row in enumerate(rows) if re.fullmatch("[─-]{8,}", row)]
+    titled = bool(rows) and bool(re.match("─", rows[0]))
+    start = 1 if titled else rules[0] + 1 if rules else 0
+    end = next((i for i in rules if i > start), len(rows))
+    text = [row for row in rows if row and not re.fullmatch("[─-]+", row)]
+    said = " ".join(row for row in rows[start:end] if row in text)
+    return f"{said.rstrip('.')}. {text[-1].rstrip('.')}" if text else "wrong usage"
 
 
 def _dispatch(args: list[str]) -> int:

@@ -103,8 +103,11 @@ def test_reset_is_bumpless() -> None:
     play(pi, seen(200, 200), 100)
     pi.reset(state((0.7, -0.4)))
     assert pi.update(50.0, state((0.7, -0.4)), None).position == (0.7, -0.4)
-    # The time before the reset does not count, nor does the first tick's distance from it.
-    assert pi.update(50.02, state((0.7, -0.4)), None).position == (0.7, -0.4)
+    pi = law(PISettings(kp=0.0))
+    play(pi, None, 100)
+    pi.reset(state((0.7, -0.4)))
+    # The time before the reset does not count, nor does the one from then to the first tick.
+    assert pi.update(50.0, state((0.7, -0.4)), seen(200, 200)).position == (0.7, -0.4)
 
 
 @pytest.mark.parametrize("clipped", [1, -1])

@@ -23,7 +23,7 @@ def state(t: float, position: tuple[float, ...], seq: int = 0) -> State:
         t_err=0.0,
         seq=seq,
         position=position,
-        velocity=RATE,
+        velocity=tuple(2 * p for p in position),  # anything that is not constant
         current=(0.1, 0.2),
         target=position,
         clipped=(0, 0),
@@ -54,7 +54,7 @@ def test_between_states_it_is_linear(at: list[float], share: float) -> None:
     got = history.at(min(t, at[-1]))
     assert got.t == min(t, at[-1])
     assert got.position == pytest.approx(line(t), abs=1e-12)  # rounding of a few operations
-    assert got.velocity == pytest.approx(RATE, abs=1e-12)  # the same
+    assert got.velocity == pytest.approx([2 * p for p in line(t)], abs=1e-12)  # the same
     assert got.seq == max(s.seq for s in states if s.t <= got.t)  # all else from the one before
 
 

@@ -63,7 +63,7 @@ def test_overrides_replace_the_file() -> None:
     [
         ("latencys = 1", "unknown key latencys; did you mean camera.latency_s?"),
         ("colour = 1", "unknown key colour; known are summary, duration_s, scored_from_s"),
-        ("[camera]\nlatency = 0.1", "unknown key camera.latency; did you mean latency_s?"),
+        ("[camera]\nlatency = 0.1", "unknown key camera.latency; did you mean camera.latency_s?"),
         ("[camera]\nlatency_s = -0.1", "camera.latency_s: should be greater than or equal to 0"),
         ("duration_s = 0", "duration_s: should be greater than 0, got 0"),
         ("duration_s = inf", "duration_s: should be a finite number"),

@@ -58,6 +58,7 @@ def test_committed_files_are_what_the_builders_write() -> None:
     assert (place / "scene.xml").read_text() == generate.scene_xml()
     picture = cv2.imread(str(place / scene.TEXTURE))
     expected = cv2.cvtColor(board.picture(board.standard()), cv2.COLOR_RGB2BGR)
+    assert picture is not None
     assert np.array_equal(picture, expected)
 
 

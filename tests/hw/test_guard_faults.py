@@ -1,4 +1,4 @@
-"""How a guard meets a drive whose answers fail to come, or that breaks."""
+"""How a guard meets handles that do not follow, answers that do not come, drives that break."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from endolock.hw.api import Command, DeviceFault, HardwareError, LinkLost, Mode, State
+from endolock.hw.api import Command, DeviceFault, HardwareError, LinkLost, Mode, State, StateError
 from endolock.hw.guard import Guard, GuardSettings
 
 if TYPE_CHECKING:
-    from tests.hw.conftest import BenchDrive
+    from tests.hw.conftest import BenchDrive, Make
 
 PERIOD_S = 0.02
 
@@ -22,6 +22,45 @@ def exchange(guard: Guard, n: int, position: tuple[float, float] | None = None) 
         guard.clock.sleep_until(guard.clock.now() + PERIOD_S)
         states.append(guard.exchange(Command(position=position) if position else None))
     return states
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_following_error_latches_until_cleared(make: Make, sign: int) -> None:
+    with make(blocked=True) as guard:
+        guard.enable()
+        text = rf"^handle left_right is \{'+' if sign > 0 else '-'}\d\.\d\d rad from its goal for "
+        text += r"more than 0\.2 s; .*; free the handle, then clear_fault\(\) and enable\(\)$"
+        with pytest.raises(DeviceFault, match=text) as caught:
+            exchange(guard, 100, (0.0, sign * 1.2))
+        assert (caught.value.kind, caught.value.axis) == ("following", "left_right")
+        assert guard.mode is Mode.FAULT
+        with pytest.raises(DeviceFault) as again:
+            guard.exchange(None)
+        assert again.value is caught.value
+        with pytest.raises(StateError, match=r"^cannot enable: .*call clear_fault\(\) first$"):
+            guard.enable()
+        guard.disable()
+        assert guard.mode is Mode.FAULT  # switching off does not forget
+        guard.clear_fault()
+        assert guard.exchange(None).mode is Mode.DISABLED
+        assert guard.enable().mode is Mode.HOLDING
+
+
+def test_a_following_error_needs_both_distance_and_time(make: Make) -> None:
+    with make(blocked=True) as guard:
+        up_down, start = guard.enable().position
+        near, far = (up_down, start + 0.45), (up_down, start + 0.6)  # either side of 0.5 rad
+        for _ in range(3):
+            stays = exchange(guard, 50, near)[-1]
+            assert stays.target[1] - stays.position[1] > 0.4  # behind, for long
+            leaves = exchange(guard, 5, far)[-1]
+            assert leaves.target[1] - leaves.position[1] > 0.5  # too far, for 0.1 s
+        with pytest.raises(DeviceFault):
+            exchange(guard, 50, far)
+        guard.clear_fault()
+        guard.enable()
+        exchange(guard, 50, near)
+        exchange(guard, 5, far)  # the time before the fault does not count
 
 
 def test_one_lost_answer_only_says_so(bench: BenchDrive) -> None:

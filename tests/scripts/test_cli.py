@@ -1,0 +1,195 @@
+"""The command line: the contract's keys, the messages a user can meet, and safe interruption."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from endolock.scripts import cli, recorder
+
+RUN_KEYS = [
+    "scenario",
+    "controller",
+    "rig",
+    "instrument",
+    "seed",
+    "duration_s",
+    "scored_from_s",
+    "wall_s",
+    "real_time_factor",
+    "latency_s",
+    "frames",
+    "frames_dropped",
+    "detected_fraction",
+    "lost_fraction",
+    "time_to_lock_s",
+    "error_px",
+    "error_deg",
+    "delayed_error_px",
+    "vision_error_px",
+    "handle",
+    "blur_px",
+]
+ERROR_KEYS = {"rms", "p95", "max", "mean", "within_20", "within_50"}
+HANDLE_KEYS = {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s"}
+QUICK = ["run", "circle", "--vision", "truth", "--duration-s", "1.5"]
+
+
+def test_json_on_standard_output_holds_every_key(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    args = ["run", "straight", "--duration-s", "1.5", "--out", str(out), "--json", "-"]
+    assert cli.main(args) == 0
+    record = json.loads(capsys.readouterr().out)  # nothing but JSON
+    assert set(record) >= set(RUN_KEYS)
+    assert set(record["error_px"]) == set(record["delayed_error_px"]) == ERROR_KEYS
+    assert set(record["handle"]) == HANDLE_KEYS
+    assert set(record["error_deg"]) == set(record["vision_error_px"]) == {"rms", "max"}
+    assert record["lost_fraction"] == 0
+    assert record["detected_fraction"] == 1
+    assert record == json.loads((out / "metrics.json").read_text())
+    files = {"run.toml", "ticks.arrows", "frames.arrows", "metrics.json", "run.rrd"}
+    assert {file.name for file in out.iterdir()} == files
+
+
+def test_one_seed_gives_the_same_tables_and_metrics(tmp_path: Path) -> None:
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for folder in folders:
+        args = ["run", "straight", "--duration-s", "1.5", "--seed", "4", "--out", str(folder)]
+        assert cli.main(args) == 0
+    for table in ("ticks", "frames"):
+        first, second = ((folder / f"{table}.arrows").read_bytes() for folder in folders)
+        assert first == second
+    records = [json.loads((folder / "metrics.json").read_text()) for folder in folders]
+    for record in records:
+        del record["wall_s"], record["real_time_factor"]
+    assert records[0] == records[1]
+
+
+def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    args = [*QUICK, "--latency-s", "0.12", "--scored-from-s", "1", "--out", str(tmp_path / "run")]
+    assert cli.main([*args, "--json", str(tmp_path / "run.json")]) == 0
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["latency_s"] == 0.12
+    assert record["scored_from_s"] == 1
+    # exposures at 0, 0.04, ... arrive 0.12 s later: the last by 1.5 s is the one of 1.36 s
+    assert record["frames"] == 35
+    assert "run folder:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        ([], "Expected one of {run, view, bench}"),
+        (["runn"], "Unrecognized options: runn"),
+        (["run"], "Missing from endolock run: STR"),
+        (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),
+        (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
+        (["run", "strait"], "scenario 'strait' is unknown; use circle, rest, straight or a .toml"),
+        (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use pi"),
+        (["run", "rest", "--rig", "car"], "rig 'car' is unknown; use twin"),
+        (["run", "rest", "--vision", "ears"], "vision 'ears' is unknown; use markers or truth"),
+        (["run", "rest", "--instrument", "oboe"], "instrument 'oboe' is unknown; use pretensioned"),
+        (["run", "rest", "--latency-s", "-1"], "camera.latency_s: should be greater than or equal"),
+        (["run", "rest", "--duration-s", "-1"], "duration_s: should be greater than 0, got -1.0"),
+        (["run", "rest", "--duration-s", "nan"], "duration_s: should be a finite number"),
+        (["run", "rest", "--scored-from-s", "25"], "scored_from_s 25 is not before the end at 25"),
+        (["run", "rest", "--seed", "-1"], "seed -1; use a whole number, 0 or more"),
+        (["run", "rest", "--json", "nowhere/x.json"], "cannot write nowhere/x.json; give --json"),
+        (["view", "nowhere"], "nowhere is no folder; give a run folder"),
+    ],
+)
+def test_bad_input_gives_one_line_and_leaves_nothing(
+    args: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(args) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("endolock: ")
+    assert message in said.err
+    assert said.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_used_or_unwritable_folder_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.txt").write_text("precious")
+    assert cli.main([*QUICK, "--out", str(tmp_path)]) == 2
+    assert f"folder {tmp_path} is not empty; give a new one with --out" in capsys.readouterr().err
+    below_a_file = tmp_path / "mine.txt" / "run"
+    assert cli.main([*QUICK, "--out", str(below_a_file)]) == 2
+    assert f"cannot write to {below_a_file}: Not a directory" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
+    """Device 99 exists nowhere, so this EGL cannot draw; the library itself loads."""
+    environment = {**os.environ, "MUJOCO_GL": "egl", "MUJOCO_EGL_DEVICE_ID": "99"}
+    done = _endolock("run", "rest", "--out", str(tmp_path / "run"), env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("endolock: cannot render a picture off-screen (")
+    assert "apt install libegl1 libgl1" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+    args = [*QUICK, "--out", str(tmp_path / "run")]
+    assert _endolock(*args, env=environment).returncode == 0  # truth needs no picture
+
+
+def test_interrupted_it_holds_and_closes_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    process = _start_long_run(folder)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) == 130
+    record = json.loads((folder / "metrics.json").read_text())
+    assert record["interrupted"] is True
+    ticks = recorder.read(folder, "ticks")
+    assert ticks["t"][-1].as_py() == pytest.approx(record["duration_s"])
+    assert (folder / "run.rrd").exists()
+
+
+def test_killed_it_leaves_a_readable_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    process = _start_long_run(folder)
+    process.kill()
+    process.wait(timeout=60)
+    ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
+    assert ticks["t"].to_pylist() == pytest.approx([0.02 * n for n in range(len(ticks))])
+    # with pictures, ticks and frames are handed over together
+    assert ticks["t"][-1].as_py() >= frames["t_available"][-1].as_py() - 0.041
+    assert recorder.decode(frames["tip_jpeg"][-1].as_py()).shape == (480, 640, 3)
+
+
+def _start_long_run(folder: Path) -> subprocess.Popen[str]:
+    """Start a run of an hour and wait until its first frames are written."""
+    command = [sys.executable, "-m", "endolock.scripts.cli", "run", "straight"]
+    process = subprocess.Popen(
+        [*command, "--duration-s", "3600", "--out", str(folder)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    frames = folder / "frames.arrows"
+    for _ in range(600):
+        if frames.exists() and frames.stat().st_size > 200_000:
+            return process
+        assert process.poll() is None, "the run ended by itself"
+        time.sleep(0.1)
+    process.kill()
+    raise AssertionError("no frames within a minute")
+
+
+def _endolock(*args: str, env: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "endolock.scripts.cli", *args]
+    return subprocess.run(command, capture_output=True, text=True, env=env, check=False)
