@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
+import inspect
 import shutil
 import sys
 import tempfile
@@ -12,8 +15,10 @@ from rich.console import Console
 
 from endolock.scripts import cli, run, strip
 from endolock.twin import generate, scenario
+from endolock.twin.instrument import Instrument
 
 ROOT = Path(__file__).resolve().parents[1]
+START, END = "<!-- parameters -->", "<!-- end -->"
 HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px", "lost")
 HEAD = """# Results
 
@@ -26,10 +31,14 @@ endoscope.
 
 
 def main(_args: list[str]) -> int:
-    """Regenerate the model files, then docs/results.md and docs/strip.png."""
+    """Regenerate the model with its card, then docs/results.md and docs/strip.png."""
     console = Console(stderr=True)
     console.print("models/endoscope")
     generate.main()
+    card = generate.folder() / "README.md"
+    before, rest = card.read_text(encoding="utf-8").split(START, 1)
+    after = rest.split(END, 1)[1]
+    card.write_text(f"{before}{START}\n{parameters()}{END}{after}", encoding="utf-8")
     records = []
     for name in scenario.names():
         with tempfile.TemporaryDirectory() as place:
@@ -41,6 +50,22 @@ def main(_args: list[str]) -> int:
                 shutil.copy(folder / "strip.png", ROOT / "docs" / "strip.png")
     (ROOT / "docs" / "results.md").write_text(HEAD + _markdown(records), encoding="utf-8")
     return 0
+
+
+def parameters() -> str:
+    """Tabulate the defaults of an instrument with grade, meaning and source, as Markdown."""
+    (body,) = ast.parse(inspect.getsource(Instrument)).body
+    assert isinstance(body, ast.ClassDef)
+    meanings = [
+        inspect.cleandoc(str(node.value.value)).replace("\n", " ")
+        for node in body.body[1:]  # after the docstring of the class
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    ]
+    lines = ["| parameter | default | grade | meaning and source |", "|---|--:|---|---|"]
+    for field, meaning in zip(dataclasses.fields(Instrument), meanings, strict=True):
+        grade = "C" if "ssumed" in meaning else "B"
+        lines.append(f"| `{field.name}` | {field.default:.6g} | {grade} | {meaning} |")
+    return "\n".join(lines) + "\n"
 
 
 def _markdown(records: list[dict[str, Any]]) -> str:

@@ -226,10 +226,12 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
 
 
 def table(records: list[dict[str, Any]]) -> Table:
-    """Lay run records out for people: errors in pixels, shares in percent."""
-    result = Table(title="error of the target's place in the picture, now and as seen [px]")
-    for heading in ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "lost", "speed"):
-        result.add_column(heading, justify="left" if heading in ("scenario", "law") else "right")
+    """Lay run records out for people: errors in pixels, speed in simulated seconds a second."""
+    result = Table(title="target off the image centre [px]: now, and as seen", title_justify="left")
+    headings = ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "lost", "speed")
+    for heading in headings:
+        left = heading in ("scenario", "law")
+        result.add_column(heading, justify="left" if left else "right", no_wrap=True)
     for r in records:
         error, seen = r["error_px"], r["delayed_error_px"]
         result.add_row(
@@ -239,7 +241,7 @@ def table(records: list[dict[str, Any]]) -> Table:
             *(_number(error[key]) for key in ("rms", "p95", "max")),
             _number(seen["rms"]),
             f"{100 * r['lost_fraction']:.1f} %",
-            f"{r['real_time_factor']:.1f} x real time",
+            f"{r['real_time_factor']:.1f}x",
         )
     return result
 

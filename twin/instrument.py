@@ -20,7 +20,8 @@ class Instrument:
     """
 
     bending_length_m: float = 0.075
-    """From the base to the last ring, along the backbone [m], > 0. Literature: 60-100 mm."""
+    """From the base to the last ring, along the backbone [m], > 0. Literature: 80-100 mm, less
+    for slim ones."""
     rigid_tip_m: float = 0.015
     """Last ring to the camera [m], > 0. Assumed."""
     outer_diameter_m: float = 0.0098
@@ -42,7 +43,7 @@ class Instrument:
     slack_m: float = -0.00375
     """Free length of each wire at rest [m]; negative is pretension, here 15 N. Assumed."""
     conduit_friction: float = 0.16
-    """Wire against conduit along the shaft, Coulomb [1], > 0. Literature: 0.1-0.2."""
+    """Wire against conduit along the shaft, Coulomb [1], > 0. Assumed, of 0.1-0.2."""
     section_friction: float = 0.2
     """Wire against the rings of the bending section, Coulomb [1], >= 0. Assumed."""
     residual_wrap_rad: float = 1.0

@@ -1,0 +1,39 @@
+"""What README and the model card say is what the code does."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from endolock.scripts import docs
+from endolock.twin import generate
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    exec(compile(example, "README.md", "exec"), {})
+    assert "'rms':" in capsys.readouterr().out
+
+
+def test_the_readme_shows_the_measured_table() -> None:
+    measured = _row(ROOT / "docs/results.md", "| straight")
+    shown = _row(ROOT / "README.md", "| straight")
+    assert shown == ["0.40", *measured[:4], measured[-1]]  # the latency, and no error of vision
+
+
+def _row(document: Path, start: str) -> list[str]:
+    """Figures of the one table row that starts so."""
+    (row,) = [line for line in document.read_text().splitlines() if line.startswith(start)]
+    return re.findall(r"\d+\.\d+", row)
+
+
+def test_links_in_documents_lead_somewhere() -> None:
+    for document in (ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+        for link in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
+            assert (document.parent / link).exists(), link
+
+
+def test_the_model_card_lists_the_defaults() -> None:
+    assert docs.parameters() in (generate.folder() / "README.md").read_text()
