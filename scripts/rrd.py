@@ -22,12 +22,13 @@ from endolock.scripts import recorder
 
 TIMELINE = "time"
 WIRES = ("up", "right", "down", "left")
-GREEN, RED, BLUE, ORANGE, GREY = (
+GREEN, RED, BLUE, ORANGE, GREY, YELLOW = (
     (80, 200, 120),
     (230, 80, 80),
     (80, 140, 230),
     (240, 160, 50),
     (150, 150, 150),
+    (255, 220, 40),
 )
 
 
@@ -116,7 +117,7 @@ def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -
         squares = [[*square, square[0]] for square in corners.reshape(-1, 4, 2) + 0.5]
         stream.log("tip/markers", rr.LineStrips2D(squares, colors=BLUE, radii=0.8))
         spot = [np.add(row["target_px"], 0.5)] if row["status"] == "tracking" else []
-        stream.log("tip/target", rr.Points2D(spot, colors=RED, radii=4.0))
+        stream.log("tip/target", rr.Points2D(spot, colors=YELLOW, radii=4.0))
     _true_poses(stream, [row for row in rows if row["true_t"] is not None])
 
 
@@ -184,5 +185,5 @@ def _blueprint() -> rrb.Blueprint:
         rrb.Horizontal(pictures, curves, column_shares=[2, 3]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="expanded", timeline=TIMELINE),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
     )

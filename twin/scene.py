@@ -53,7 +53,7 @@ def add_scene(spec: mujoco.MjSpec, board: BoardGeometry, camera: Vector) -> None
     visual.map.znear, visual.map.zfar = 0.005, 10.0
     # Few facets and no multi-sampling: a third of the time, no loss to the markers.
     visual.quality.offsamples = 0
-    visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 12, 4, 16
+    visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 12, 4, 24
     visual.global_.offwidth, visual.global_.offheight = 640, 480
     visual.headlight.ambient = [0.35, 0.35, 0.35]
     visual.headlight.diffuse = visual.headlight.specular = [0.0, 0.0, 0.0]
@@ -68,7 +68,7 @@ def add_scene(spec: mujoco.MjSpec, board: BoardGeometry, camera: Vector) -> None
     front = [0.0, -1.0, 0.0, 0.0, 0.0, 1.0]  # x right, y up, normal towards the camera
     distance = REST_DISTANCE_M + WALL_DISTANCE_M
     wall = world.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_PLANE, material="wall")
-    wall.pos, wall.size = camera + [distance, 0.0, 0.0], [0.9, 0.9, 0.1]
+    wall.pos, wall.size = camera + [distance, 0.0, 0.0], [1.5, 1.5, 0.1]
     wall.alt.type, wall.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
     wall.contype = wall.conaffinity = 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, nan
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.control import laws
@@ -45,8 +45,8 @@ def unseen(status: Status) -> Observation:
     return Observation(t_capture=0.0, seq=0, status=status)
 
 
-def law(settings: PISettings | None = None, start: tuple[float, float] = (0.0, 0.0)) -> PI:
-    made = PI(CAMERA, settings)
+def law(gains: PISettings | None = None, start: tuple[float, float] = (0.0, 0.0)) -> PI:
+    made = PI(CAMERA, gains)
     made.reset(state(start))
     return made
 
@@ -62,7 +62,7 @@ def play(
 
 
 @pytest.mark.parametrize(
-    "settings", [PISettings(kp=0.2, ki=0.0), PISettings(kp=0.0, ki=0.3)], ids=["p", "i"]
+    "gains", [PISettings(kp=0.2, ki=0.0), PISettings(kp=0.0, ki=0.3)], ids=["p", "i"]
 )
 @pytest.mark.parametrize(
     ("right_px", "down_px", "axis", "sign"),
@@ -70,13 +70,14 @@ def play(
     ids=["above", "below", "right", "left"],
 )
 def test_handles_turn_the_view_towards_the_target(
-    settings: PISettings, right_px: float, down_px: float, axis: int, sign: int
+    gains: PISettings, right_px: float, down_px: float, axis: int, sign: int
 ) -> None:
-    command = play(law(settings), seen(right_px, down_px), 10)[-1]
+    command = play(law(gains), seen(right_px, down_px), 10)[-1]
     assert sign * command.position[axis] > 0
     assert command.position[1 - axis] == 0.0  # the other axis has no error
 
 
+@settings(deadline=None)
 @given(st.floats(-320, 320), st.floats(-240, 240), st.floats(0, 2), st.floats(0, 2))
 def test_a_constant_error_gives_the_closed_form(
     right_px: float, down_px: float, kp: float, ki: float

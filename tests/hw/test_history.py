@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.hw.api import Mode, State
@@ -47,6 +47,7 @@ def remember(at: list[float], span_s: float = 10.0) -> tuple[History, list[State
     return history, states
 
 
+@settings(deadline=None)
 @given(times, st.floats(0, 1))
 def test_between_states_it_is_linear(at: list[float], share: float) -> None:
     history, states = remember(at)
@@ -58,6 +59,7 @@ def test_between_states_it_is_linear(at: list[float], share: float) -> None:
     assert got.seq == max(s.seq for s in states if s.t <= got.t)  # all else from the one before
 
 
+@settings(deadline=None)
 @given(times)
 def test_it_is_exact_where_a_state_was_measured(at: list[float]) -> None:
     history, states = remember(at)
@@ -80,6 +82,7 @@ def test_outside_there_is_nothing() -> None:
             history.at(t)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(0.001, 3.0), min_size=1, max_size=200), st.sampled_from([0.5, 2.0, 10.0]))
 def test_trimming_keeps_the_span(steps: list[float], span_s: float) -> None:
     history = History(span_s)
