@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Protocol
 
 from endolock.hw.api import Clock, Command, ConfigError, Frame, Rig, State, TruthSample
@@ -87,13 +88,15 @@ def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float
     Args:
         clock: is slept on.
         period_s: control period [s].
-        until_s: last time at which a tick may begin [s], counted like `clock.now()`.
+        until_s: deadline of the last tick [s], counted like `clock.now()`.
 
     """
     start = clock.now()
     n = 0
     while start + n * period_s <= until_s + 1e-9:
         t = clock.sleep_until(start + n * period_s)
+        if t >= until_s + period_s:
+            return
         late = int((t - start) / period_s + 1e-6) - n
         yield t, late
         n += late + 1
@@ -106,7 +109,7 @@ def check_period(clock: Clock, period_s: float) -> None:
         ConfigError: they do not.
 
     """
-    if not period_s > 0:
+    if not 0 < period_s < inf:
         raise ConfigError(f"control period {period_s:g} s; use more than 0, such as {PERIOD_S}")
     if not clock.timestep_s:
         return
@@ -157,7 +160,8 @@ def run(
     actuators.connect()
     controller.reset(actuators.enable())
     command: Command | None = None
-    status, newest = Status.SEARCHING, -1
+    before = rig.camera.latest()  # what came before the run is none of its business
+    status, newest = Status.SEARCHING, before.seq if before else -1
     try:
         for t, skipped in ticks(rig.clock, period_s, rig.clock.now() + duration_s):
             state = actuators.exchange(command)

@@ -108,7 +108,7 @@ def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | No
 
 def _handle(ticks: Sequence[Tick]) -> dict[str, float | None]:
     """Motion of both handles together, from the measured positions and speeds."""
-    if len(ticks) < 4:
+    if len(ticks) < 4 or ticks[-1].state.t <= ticks[0].state.t:
         names = ("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s")
         return dict.fromkeys(names)
     t = np.array([tick.state.t for tick in ticks])

@@ -8,7 +8,7 @@ same safety code as a bench. Laboratory software, not a medical device.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -98,7 +98,11 @@ class Guard:
         self._mode = Mode.DISCONNECTED
         self._fault: HardwareError | None = None
         self._goal: tuple[float, ...] = ()
+        """What the device is told, """
         self._wanted: tuple[float, ...] = ()
+        """where that shall go within limits, """
+        self._asked: tuple[float, ...] = ()
+        """and what was asked for."""
         self._expires = self._slewed_at = self._fresh_at = 0.0
         self._off_since: list[float | None] = [None] * len(drive.axes)
         self._seq = 0
@@ -127,13 +131,17 @@ class Guard:
         """Open the drive; afterwards the mode is DISABLED, also where it was open already."""
         if self._mode is Mode.DISCONNECTED:
             self._drive.open()
-            self._mode = Mode.DISABLED
+            self._mode = Mode.FAULT if self._fault else Mode.DISABLED
+            self._fresh_at = self.clock.now()
 
     def home(self) -> None:
         """Make the present position the zero of both axes; see `Actuators.home`."""
         if self._mode is not Mode.DISABLED:
-            raise self._state_error(f"cannot home while {self._mode}; disable() first")
+            first = {Mode.DISCONNECTED: "connect()", Mode.FAULT: "clear_fault()"}
+            step = first.get(self._mode, "disable()")
+            raise self._state_error(f"cannot home while {self._mode}; {step} first")
         self._drive.zero()
+        self._history = History()  # what it remembers counts from the old zero
 
     def enable(self) -> State:
         """Switch torque on without a jump; see `Actuators.enable`."""
@@ -142,12 +150,23 @@ class Guard:
         if self._fault is not None:
             raise self._state_error(f"cannot enable: {self._fault}; call clear_fault() first")
         now = self.clock.now()
-        reading = self._drive.transfer(None)
-        self._goal = self._wanted = self._drive.quantise(reading.position)
+        try:
+            reading = self._drive.transfer(None)
+            if not reading.fresh:
+                raise LinkLost(
+                    "the handles do not answer, so enabling could make them jump; check cable and "
+                    "power, then enable() again",
+                    t=now,
+                )
+            self._goal = self._wanted = self._asked = self._drive.quantise(reading.position)
+            # The goal is in place before torque comes on.
+            reading = self._drive.transfer(self._goal)
+            self._drive.torque(True)
+        except DeviceFault as fault:
+            self._latch(fault)
+            raise
         self._slewed_at = self._fresh_at = self._expires = now
         self._off_since = [None] * len(self.axes)
-        reading = self._drive.transfer(self._goal)  # the goal is in place before torque comes on
-        self._drive.torque(True)
         self._mode = Mode.HOLDING
         return self._remember(reading, (0,) * len(self.axes))
 
@@ -163,7 +182,7 @@ class Guard:
         elif self._mode is Mode.ENABLED and now > self._expires:
             self._freeze()
         driven = self._mode in (Mode.ENABLED, Mode.HOLDING)
-        clipped = self._slew(command, now) if driven else (0,) * len(self.axes)
+        clipped = self._slew(now) if driven else (0,) * len(self.axes)
         try:
             reading = self._drive.transfer(self._goal if driven else None)
             self._check_age(reading, now)
@@ -193,6 +212,7 @@ class Guard:
         """Forget a latched fault; the motors stay off until `enable()`."""
         if self._fault is not None:
             self._fault = None
+            self._fresh_at = self.clock.now()
             self.disable()
 
     def close(self) -> None:
@@ -215,9 +235,10 @@ class Guard:
         """Close, without hiding an exception on its way out."""
         try:
             self.close()
-        except HardwareError:
+        except Exception as second:  # whatever a device does when it is closed badly
             if error is None:
                 raise
+            error.add_note(f"and the handles could not be closed: {second}")
 
     def _accept(self, command: Command, now: float) -> None:
         if self._mode not in (Mode.ENABLED, Mode.HOLDING):
@@ -237,6 +258,13 @@ class Guard:
                     t=now,
                     axis=axis,
                 )
+        if not 0 < command.valid_for < inf:
+            raise CommandError(
+                f"command is valid for {command.valid_for} s; give a finite time of more than 0 "
+                "(the previous goal stays)",
+                t=now,
+            )
+        self._asked = position
         self._wanted = tuple(
             min(max(p, low), high)
             for p, (low, high) in zip(position, self.limits.position_rad, strict=True)
@@ -244,7 +272,7 @@ class Guard:
         self._expires = now + command.valid_for
         self._mode = Mode.ENABLED
 
-    def _slew(self, command: Command | None, now: float) -> tuple[int, ...]:
+    def _slew(self, now: float) -> tuple[int, ...]:
         """Move the goal towards what is wanted as fast as allowed; say where it fell short."""
         step = min(now - self._slewed_at, self._settings.max_slew_step_s)
         self._slewed_at = now
@@ -256,11 +284,10 @@ class Guard:
             moved.append(min(max(wanted, goal - reach), goal + reach))
         # The goal goes on from the unrounded value: rounding must not eat slow motion.
         self._goal = tuple(moved)
-        asked = self._wanted if command is None else tuple(float(p) for p in command.position)
-        return tuple((a > g) - (a < g) for a, g in zip(asked, self._goal, strict=True))
+        return tuple((a > g) - (a < g) for a, g in zip(self._asked, self._goal, strict=True))
 
     def _freeze(self) -> None:
-        self._wanted = self._goal
+        self._wanted = self._asked = self._goal
         self._mode = Mode.HOLDING
 
     def _check_age(self, reading: Reading, now: float) -> None:
@@ -294,16 +321,20 @@ class Guard:
                 )
 
     def _latch(self, fault: HardwareError) -> None:
-        """Remember a fault and stop pushing: the goal becomes where the handles are."""
+        """Remember a fault and stop pushing: the goal becomes where the handles are, if known."""
         self._fault = fault
         self._mode = Mode.FAULT
         try:
-            self._goal = self._wanted = self._drive.transfer(None).position
-            self._drive.transfer(self._goal)
+            reading = self._drive.transfer(None)
+            if reading.fresh:
+                self._goal = self._drive.quantise(reading.position)
+            if self._goal:
+                self._drive.transfer(self._goal)
         except HardwareError as second:
             fault.add_note(f"and the handles could not be told to hold: {second}")
 
     def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
+        driven = self._mode in (Mode.ENABLED, Mode.HOLDING)
         state = State(
             t=reading.t,
             t_err=reading.t_err,
@@ -311,7 +342,7 @@ class Guard:
             position=reading.position,
             velocity=reading.velocity,
             current=reading.current,
-            target=self._drive.quantise(self._goal) if self._goal else reading.position,
+            target=self._drive.quantise(self._goal) if driven else reading.position,
             clipped=clipped,
             fresh=reading.fresh,
             mode=self._mode,

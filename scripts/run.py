@@ -227,7 +227,8 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
 
 def table(records: list[dict[str, Any]]) -> Table:
     """Lay run records out for people: errors in pixels, speed in simulated seconds a second."""
-    result = Table(title="target off the image centre in px: now, and as seen", title_justify="left")
+    title = "target off the image centre in px: now, and as seen"
+    result = Table(title=title, title_justify="left")
     headings = ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "lost", "speed")
     for heading in headings:
         left = heading in ("scenario", "law")

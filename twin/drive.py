@@ -78,5 +78,7 @@ class TwinDrive:
         self._torque_on(False)
 
     def _torque_on(self, on: bool) -> None:
-        # Motors are in actuator group 0, the model's only one.
-        self._plant.model.opt.disableactuator = 0 if on else 1
+        # Without torque the geared motor still brakes: of its force kp (goal - q) - kv q', the
+        # second part stays. Assumed.
+        kp = self._plant.instrument.handle_kp if on else 0.0
+        self._plant.model.actuator_biasprm[self._motor, 1] = -kp

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from endolock.hw.api import Command, DeviceFault, HardwareError, LinkLost, Mode, State, StateError
+from endolock.hw.api import (
+    Command,
+    CommandError,
+    DeviceFault,
+    HardwareError,
+    LinkLost,
+    Mode,
+    State,
+    StateError,
+)
 from endolock.hw.guard import Guard, GuardSettings
 
 if TYPE_CHECKING:
@@ -170,3 +179,87 @@ def test_a_drive_that_breaks_on_closing_is_reported(bench: BenchDrive) -> None:
         bench.breaks = HardwareError("cable gone", t=0.0)
     assert guard.mode is Mode.DISCONNECTED
     guard.close()  # a second time finds nothing to do
+
+
+def test_handles_that_do_not_answer_are_not_enabled(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.exchange(None)
+        bench.answers = False
+        bench.handle = (0.9, 0.9)  # turned by hand meanwhile
+        with pytest.raises(LinkLost, match=r"^the handles do not answer, so enabling could make"):
+            guard.enable()
+        assert not bench.on
+        bench.answers = True
+        # To the nearest half step of the encoder.
+        assert guard.enable().target == pytest.approx((0.9, 0.9), abs=bench.STEP_RAD / 2)
+
+
+def test_a_fault_while_enabling_is_latched(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        bench.breaks = DeviceFault("motor 1 is reset", kind="reset", t=0.0)
+        with pytest.raises(DeviceFault):
+            guard.enable()
+        bench.breaks = None
+        assert guard.mode is Mode.FAULT
+        with pytest.raises(StateError, match=r"^cannot enable: motor 1 is reset; call clear_fault"):
+            guard.enable()
+        guard.close()
+        guard.connect()
+        assert guard.mode is Mode.FAULT  # closing does not forget either
+        with pytest.raises(StateError, match=r"^cannot home while fault; clear_fault\(\) first$"):
+            guard.home()
+
+
+def test_a_lost_link_leaves_the_goal_where_it_was(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        last = exchange(guard, 10, (0.9, 0.9))[-1]
+        bench.answers = False  # goals still arrive
+        with pytest.raises(LinkLost):
+            exchange(guard, 100)
+        guard.clock.sleep_until(guard.clock.now() + 1.0)
+        bench.transfer(None)
+        # The handles went on to the goal in force, not back to the last position heard of.
+        assert all(h >= p for h, p in zip(bench.handle, last.target, strict=True))
+
+
+def test_age_counts_from_connecting(bench: BenchDrive) -> None:
+    bench.clock.sleep_until(5.0)
+    with Guard(bench) as guard:
+        bench.answers = False
+        assert not guard.exchange(None).fresh
+
+
+@pytest.mark.parametrize("valid_for", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_command_must_expire(guard: Guard, valid_for: float) -> None:
+    guard.enable()
+    with pytest.raises(CommandError, match=r"^command is valid for .* s; give a finite time"):
+        guard.exchange(Command(position=(0.1, 0.1), valid_for=valid_for))
+    assert guard.mode is Mode.HOLDING
+
+
+def test_clipping_is_told_as_long_as_it_lasts(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        guard.exchange(Command(position=(9.0, -9.0), valid_for=60.0))
+        assert {state.clipped for state in exchange(guard, 100)} == {(1, -1)}
+        guard.hold()
+        assert exchange(guard, 1)[0].clipped == (0, 0)
+
+
+def test_without_torque_the_goal_is_where_the_handles_are(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        exchange(guard, 60, (0.9, 0.9))
+        guard.disable()
+        bench.handle = (0.0, 0.0)
+        assert exchange(guard, 1)[0].target == (0.0, 0.0)
+
+
+def test_a_new_zero_forgets_the_old_history(guard: Guard) -> None:
+    guard.enable()
+    exchange(guard, 10, (0.2, 0.2))
+    guard.disable()
+    guard.home()
+    with pytest.raises(LookupError):
+        guard.history(0.1)

@@ -168,3 +168,20 @@ def test_the_handle_is_read_through_its_encoder() -> None:
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(ConfigError, match="seed -1; use a whole number, 0 or more"):
         TwinRig("rest", seed=-1, pictures=False)
+
+
+def test_without_torque_a_geared_handle_brakes() -> None:
+    rig = TwinRig("rest", pictures=False)
+    with rig:
+        rig.actuators.enable()
+        for n in range(50):
+            rig.clock.sleep_until(0.02 * n)
+            turned = rig.actuators.exchange(Command(position=(0.5, 0.0))).position[0]
+        rig.actuators.disable()
+        fastest = 0.0
+        for n in range(50, 100):
+            rig.clock.sleep_until(0.02 * n)
+            state = rig.actuators.exchange(None)
+            fastest = max(fastest, abs(state.velocity[0]))
+        assert 0 < state.position[0] < turned  # the wires pull it back, it does not swing through
+        assert fastest < rig.actuators.limits.velocity_rad_s[0]
