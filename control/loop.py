@@ -30,7 +30,6 @@ class Controller(Protocol):
 
         Returns:
             Where the handles shall go; it is sent with the next tick's exchange.
-
         """
 
 
@@ -89,7 +88,6 @@ def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float
         clock: is slept on.
         period_s: control period [s].
         until_s: deadline of the last tick [s], counted like `clock.now()`.
-
     """
     start = clock.now()
     n = 0
@@ -107,7 +105,6 @@ def check_period(clock: Clock, period_s: float) -> None:
 
     Raises:
         ConfigError: they do not.
-
     """
     if not 0 < period_s < inf:
         raise ConfigError(f"control period {period_s:g} s; use more than 0, such as {PERIOD_S}")
@@ -150,7 +147,6 @@ def run(
     Raises:
         ConfigError: duration or period cannot be used.
         HardwareError: the handles stopped; rows up to there are with the recorder.
-
     """
     if not duration_s > 0:
         raise ConfigError(f"duration {duration_s:g} s; use more than 0")

@@ -40,7 +40,6 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
 
     Returns:
         Plain numbers by name, None where nothing was measured; see docs of the run record.
-
     """
     ticks = [tick for tick in run.ticks if tick.t >= scored_from_s - 1e-9]
     seen = [s for s in run.seen if s.frame.t_available >= scored_from_s - 1e-9]

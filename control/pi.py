@@ -38,7 +38,6 @@ class PI:
     Args:
         calibration: turns pixels into angles.
         settings: the gains; the defaults if None.
-
     """
 
     def __init__(self, calibration: Calibration, settings: PISettings | None = None) -> None:

@@ -43,7 +43,6 @@ class HardwareError(EndolockError, RuntimeError):
         message: what happened and what to do next.
         t: clock time of the event [s].
         axis: name of the axis concerned, where there is one.
-
     """
 
     def __init__(self, message: str, *, t: float, axis: str | None = None) -> None:
@@ -72,7 +71,6 @@ class DeviceFault(HardwareError):
         kind: what tripped, for example "following".
         t: clock time of the event [s].
         axis: name of the axis concerned, where there is one.
-
     """
 
     def __init__(self, message: str, *, kind: str, t: float, axis: str | None = None) -> None:
@@ -193,7 +191,6 @@ class Actuators(Protocol):
 
         Raises:
             StateError: the motors are enabled.
-
         """
 
     def enable(self) -> State:
@@ -201,7 +198,6 @@ class Actuators(Protocol):
 
         Raises:
             StateError: not connected, or a fault is latched.
-
         """
 
     def exchange(self, command: Command | None) -> State:
@@ -211,7 +207,6 @@ class Actuators(Protocol):
             CommandError: wrong length, or NaN or infinite; the previous goal stays.
             StateError: not connected, or a command while not enabled.
             LinkLost, DeviceFault: latched; raised again until `clear_fault()`.
-
         """
 
     def history(self, t: float) -> State:
@@ -219,7 +214,6 @@ class Actuators(Protocol):
 
         Raises:
             LookupError: `t` lies outside what is remembered.
-
         """
 
     def hold(self) -> None:
@@ -383,7 +377,6 @@ class Truth(Protocol):
 
         Raises:
             LookupError: that frame is not remembered.
-
         """
 
 

@@ -88,7 +88,6 @@ class Guard:
     Args:
         drive: what moves the handles.
         settings: the rules; the defaults if None.
-
     """
 
     def __init__(self, drive: Drive, settings: GuardSettings | None = None) -> None:

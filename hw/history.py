@@ -13,7 +13,6 @@ class History:
 
     Args:
         span_s: how far back it reaches [s].
-
     """
 
     def __init__(self, span_s: float = 10.0) -> None:
@@ -38,7 +37,6 @@ class History:
 
         Raises:
             LookupError: `t` lies before the first or after the last state.
-
         """
         if not self._times or not self._times[0] <= t <= self._times[-1]:
             known = f"{self._times[0]:.3f}..{self._times[-1]:.3f} s" if self._times else "nothing"

@@ -28,7 +28,6 @@ def main(args: Sequence[str] | None = None) -> int:
 
     Returns:
         0 done, 2 wrong usage or configuration, 3 hardware fault, 130 interrupted.
-
     """
     return guarded(_dispatch, sys.argv[1:] if args is None else list(args))
 
@@ -57,7 +56,6 @@ def parse(kind: Any, prog: str, args: list[str]) -> Any:
     Raises:
         ConfigError: the words do not fit.
         SystemExit: help was asked for and printed.
-
     """
     said = io.StringIO()
     try:
@@ -86,7 +84,7 @@ def fold(box: str) -> str:
 
 def _dispatch(args: list[str]) -> int:
     try:
-        from endolock.scripts import bench, run, view
+        from endolock.scripts import bench, compare, run, view
     except (ImportError, AttributeError) as error:
         # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
         if "MUJOCO_GL" not in os.environ:
@@ -97,11 +95,13 @@ def _dispatch(args: list[str]) -> int:
         ) from error
     commands: Any = (
         Annotated[run.Request, tyro.conf.subcommand("run")]
+        | Annotated[compare.Request, tyro.conf.subcommand("compare")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
         | Annotated[bench.Request, tyro.conf.subcommand("bench")]
     )
     mains: dict[type, Callable[[Any], int]] = {
         run.Request: run.main,
+        compare.Request: compare.main,
         view.Request: view.main,
         bench.Request: bench.main,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import json
 import shutil
 import sys
 import tempfile
@@ -26,7 +27,6 @@ Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, sta
 *now* is the true error at every control tick, *seen* what vision saw, 0.4 s old. The law is our
 reproduction of the thesis' PI with assumed gains, on the twin; nothing here was measured on an
 endoscope.
-
 """
 
 
@@ -39,6 +39,8 @@ def main(_args: list[str]) -> int:
     before, rest = card.read_text(encoding="utf-8").split(START, 1)
     after = rest.split(END, 1)[1]
     card.write_text(f"{before}{START}\n{parameters()}{END}{after}", encoding="utf-8")
+    place = generate.folder().parent / "scenarios" / "schema.json"
+    place.write_text(schema(), encoding="utf-8")
     records = []
     for name in scenario.names():
         with tempfile.TemporaryDirectory() as place:
@@ -66,6 +68,11 @@ def parameters() -> str:
         grade = "C" if "ssumed" in meaning else "B"
         lines.append(f"| `{field.name}` | {field.default:.6g} | {grade} | {meaning} |")
     return "\n".join(lines) + "\n"
+
+
+def schema() -> str:
+    """Return the JSON Schema of scenario files as text."""
+    return json.dumps(scenario.schema(), indent=2) + "\n"
 
 
 def _markdown(records: list[dict[str, Any]]) -> str:

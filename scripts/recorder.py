@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -124,7 +125,6 @@ class RunFolder:
 
     Raises:
         ConfigError: the folder cannot be used.
-
     """
 
     def __init__(self, path: Path, configuration: Mapping[str, Any]) -> None:
@@ -228,7 +228,6 @@ def read(path: Path, table: str) -> pa.Table:
 
     Raises:
         ConfigError: there is no such table in the folder.
-
     """
     file = path / f"{table}.arrows"
     batches: list[pa.RecordBatch] = []
@@ -244,6 +243,21 @@ def read(path: Path, table: str) -> pa.Table:
     except (pa.ArrowInvalid, OSError) as error:
         raise ConfigError(f"cannot read {file}: {error}; give a run folder") from None
     return pa.Table.from_batches(batches, schema)
+
+
+def configuration(path: Path) -> dict[str, Any]:
+    """Read run.toml of a run folder.
+
+    Raises:
+        ConfigError: it is missing or damaged.
+    """
+    file = path / "run.toml"
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"no run in {path}: run.toml is missing; give a run folder") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"cannot read {file}: {error}; give a run folder") from None
 
 
 def jpeg(image: Image | None) -> bytes | None:

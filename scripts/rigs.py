@@ -29,11 +29,8 @@ def make(
 
     Raises:
         ConfigError: one of the names is unknown, or pictures cannot be rendered here.
-
     """
-    one_of("rig", rig, RIGS)
-    one_of("vision", vision, VISIONS)
-    one_of("instrument", instrument, INSTRUMENTS)
+    check(rig, vision, instrument)
     pictures = vision != "truth"
     twin = TwinRig(scenario, seed=seed, pictures=pictures, overview=overview)
     twin.clock.sleep_until(0.0)
@@ -42,12 +39,16 @@ def make(
     return twin, TruthEyes(twin.truth)
 
 
-def one_of(what: str, name: str, known: tuple[str, ...]) -> None:
-    """See that a name is known.
+def check(rig: str, vision: str, instrument: str) -> None:
+    """See that all names are known.
 
     Raises:
-        ConfigError: it is not.
-
+        ConfigError: one is not.
     """
-    if name not in known:
-        raise ConfigError(f"{what} '{name}' is unknown; use {' or '.join(known)}")
+    for what, name, known in (
+        ("rig", rig, RIGS),
+        ("vision", vision, VISIONS),
+        ("instrument", instrument, INSTRUMENTS),
+    ):
+        if name not in known:
+            raise ConfigError(f"{what} '{name}' is unknown; use {' or '.join(known)}")

@@ -7,7 +7,6 @@ section and the board where they truly were, so the latency can be seen.
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +39,9 @@ def derive(folder: Path) -> Path:
 
     Raises:
         ConfigError: it is no run folder, or cannot be written.
-
     """
     ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
-    configuration = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    configuration = recorder.configuration(folder)
     part, path = folder / "run.rrd.part", folder / "run.rrd"
     try:
         with rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream:

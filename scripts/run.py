@@ -5,11 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,16 +15,20 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from endolock.control import laws, loop, metrics
 from endolock.hw.api import ConfigError
 from endolock.scripts import recorder, rigs
+from endolock.scripts.progress import progress
 from endolock.twin import scenario as scenarios
+from endolock.twin.scenario import Scenario
 
 PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
 """Whose versions go into run.toml."""
+
+UNRECORDED = ("json", "view", "dry_run")
+"""Options that change nothing about the run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,7 @@ class Request:
     scenario: tyro.conf.Positional[str]
     """straight, circle, rest, or a TOML file of the same form."""
     controller: str = "pi"
-    """Control law: pi."""
+    """Control law: pi or ik."""
     rig: str = "twin"
     """What to drive: twin."""
     vision: str = "markers"
@@ -55,16 +57,20 @@ class Request:
     """Run folder, new or empty; else one below runs/ named by time."""
     view: bool = False
     """Open the run in the Rerun viewer afterwards."""
+    dry_run: bool = False
+    """Print the resolved configuration with the source of each value, and stop."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the run record there as JSON; - prints it, and nothing else, on standard output."""
 
 
 def main(request: Request) -> int:
     """Carry out `endolock run`; return the exit code."""
-    from endolock.scripts import rrd, view  # Rerun takes a second to load
+    from endolock.scripts import dry_run, rrd, view  # Rerun takes a second to load
 
     check_json(request.json)
     console = Console(stderr=request.json == "-")
+    if request.dry_run:
+        return dry_run.show(request)
     record, folder = perform(request)
     with console.status("writing run.rrd"):
         rrd.derive(folder)
@@ -77,8 +83,42 @@ def main(request: Request) -> int:
     return 130 if record["interrupted"] else 0
 
 
-def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, Any], Path]:
+def overrides(request: Request) -> dict[str, float]:
+    """List what a request changes in its scenario, by dotted key."""
+    options = {
+        "camera.latency_s": request.latency_s,
+        "duration_s": request.duration_s,
+        "scored_from_s": request.scored_from_s,
+    }
+    return {key: value for key, value in options.items() if value is not None}
+
+
+def resolve(request: Request) -> Scenario:
+    """Check a request and load its scenario; nothing is made or written.
+
+    Raises:
+        ConfigError: the request cannot be carried out.
+    """
+    laws.check(request.controller)
+    rigs.check(request.rig, request.vision, request.instrument)
+    scenario = scenarios.load(request.scenario, overrides(request))
+    if scenario.scored_from_s >= scenario.duration_s:
+        raise ConfigError(
+            f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
+            f"{scenario.duration_s:g} s; use a smaller one or a longer duration_s"
+        )
+    return scenario
+
+
+def perform(
+    request: Request, *, label: str = "", show_progress: bool = True
+) -> tuple[dict[str, Any], Path]:
     """Run, score, and complete the run folder.
+
+    Args:
+        request: what to run.
+        label: stands before the progress bar.
+        show_progress: whether there is a progress bar.
 
     Returns:
         The run record and the run folder.
@@ -86,20 +126,8 @@ def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, 
     Raises:
         ConfigError: the request cannot be carried out; nothing was written.
         HardwareError: the handles stopped; the folder holds everything up to there.
-
     """
-    overrides = {
-        "camera.latency_s": request.latency_s,
-        "duration_s": request.duration_s,
-        "scored_from_s": request.scored_from_s,
-    }
-    given = {key: value for key, value in overrides.items() if value is not None}
-    scenario = scenarios.load(request.scenario, given)
-    if scenario.scored_from_s >= scenario.duration_s:
-        raise ConfigError(
-            f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
-            f"{scenario.duration_s:g} s; use a smaller one or a longer duration_s"
-        )
+    scenario = resolve(request)
     rig, eyes = rigs.make(
         request.rig,
         scenario,
@@ -113,14 +141,14 @@ def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, 
         name = f"{scenario.name}-{request.controller}"
         path = request.out or recorder.new_path(Path("runs"), name)
         configuration = {
-            "run": {k: v for k, v in _request_values(request).items() if k not in ("json", "view")},
+            "run": {k: v for k, v in _request_values(request).items() if k not in UNRECORDED},
             **rig.describe(),
             "versions": {p: version(p) for p in PACKAGES} | {"python": platform.python_version()},
         }
         folder = recorder.RunFolder(path, configuration)
         start = time.perf_counter()
         try:
-            with progress(name, scenario.duration_s, show_progress) as tell:
+            with progress(f"{label} {name}".strip(), scenario.duration_s, show_progress) as tell:
                 result = loop.run(
                     rig,
                     eyes,
@@ -152,52 +180,11 @@ def perform(request: Request, *, show_progress: bool = True) -> tuple[dict[str, 
     return record, path
 
 
-@contextmanager
-def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar on standard error; Ctrl-C ends the run at the next whole tick."""
-    asked: list[int] = []
-
-    def ask(number: int, _frame: object) -> None:
-        asked.append(number)
-        signal.signal(signal.SIGINT, before)  # a second one ends the program at once
-
-    before = signal.signal(signal.SIGINT, ask)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} of {task.total:g} s"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    )
-    try:
-        with bar if show else nullcontext():
-            task = bar.add_task(label, total=duration_s)
-
-            shown = now = 0.0
-
-            def tell(t: float) -> None:
-                nonlocal shown, now
-                now = t
-                if show and now - shown >= 0.2:
-                    shown = now
-                    bar.update(task, completed=now)
-                if asked:
-                    raise KeyboardInterrupt
-
-            try:
-                yield tell
-            finally:
-                bar.update(task, completed=now)
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def check_json(target: str | None) -> None:
     """See that the JSON can be written later.
 
     Raises:
         ConfigError: the folder it belongs to does not exist, or it names a folder.
-
     """
     if target in (None, "-"):
         return
@@ -211,7 +198,6 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
 
     Raises:
         ConfigError: the file cannot be written.
-
     """
     if target is None:
         return

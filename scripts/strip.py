@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +25,11 @@ def write(folder: Path, path: Path) -> Path:
 
     Raises:
         ConfigError: the run has no pictures.
-
     """
     rows = [row for row in recorder.read(folder, "frames").to_pylist() if row["tip_jpeg"]]
     if not rows:
         raise ConfigError(f"the run in {folder} has no pictures; run it with --vision markers")
-    configuration = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    configuration = recorder.configuration(folder)
     centre = tuple(configuration["calibration"]["centre_px"])
     chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, PICTURES).round().astype(int)]
     gap = np.full((_draw(chosen[0], centre).shape[0], 4, 3), PAPER, np.uint8)

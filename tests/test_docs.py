@@ -37,3 +37,10 @@ def test_links_in_documents_lead_somewhere() -> None:
 
 def test_the_model_card_lists_the_defaults() -> None:
     assert docs.parameters() in (generate.folder() / "README.md").read_text()
+
+
+def test_the_schema_for_editors_is_that_of_the_code() -> None:
+    place = generate.folder().parent / "scenarios"
+    assert (place / "schema.json").read_text() == docs.schema()
+    for file in place.glob("*.toml"):
+        assert file.read_text().startswith("#:schema schema.json\n")  # what editors look for

@@ -33,7 +33,6 @@ def picture(board: BoardGeometry) -> Image:
 
     Args:
         board: what to draw; marker sides must be whole modules at `TEXELS_PER_MM`.
-
     """
     scale = TEXELS_PER_MM * 1000.0
     n = round(board.size_m * scale)

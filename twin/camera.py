@@ -24,7 +24,6 @@ class Renderer:
 
     Args:
         model: the compiled scene.
-
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -39,7 +38,6 @@ class Renderer:
 
         Raises:
             ConfigError: there is no way to render off-screen here.
-
         """
         renderer = self._renderers.get((width, height))
         if renderer is None:
@@ -139,7 +137,6 @@ def of_model(model: mujoco.MjModel, name: str, width: int, height: int) -> tuple
 
     Raises:
         ConfigError: there is none of that name.
-
     """
     index = scene.camera_id(model, name)
     return index, camera_model.from_fovy(width, height, float(model.cam_fovy[index]))

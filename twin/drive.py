@@ -15,7 +15,6 @@ class TwinDrive:
     Args:
         plant: the handles belong to it.
         clock: stamps the readings.
-
     """
 
     axes: tuple[str, ...] = AXES

@@ -16,7 +16,6 @@ class Instrument:
 
     Raises:
         ConfigError: a value is outside the range that its description states.
-
     """
 
     bending_length_m: float = 0.075

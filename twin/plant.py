@@ -36,7 +36,6 @@ class TwinPlant:
         scenario: tells the bend of the shaft and how the board moves.
         instrument: what the section is made of.
         numerics: how finely it is simulated.
-
     """
 
     def __init__(self, scenario: Scenario, instrument: Instrument, numerics: Numerics) -> None:
@@ -119,7 +118,6 @@ class TwinPlant:
 
         Returns:
             The state of the plant, and the tip camera's orientation (3x3, base_from_camera).
-
         """
         position = self._in_base(moment.camera_position)
         world = moment.camera_matrix.reshape(3, 3)

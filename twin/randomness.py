@@ -11,6 +11,5 @@ def generator(seed: int, source: str) -> np.random.Generator:
     Args:
         seed: of the run, >= 0.
         source: name of what is random, for example "camera.jitter".
-
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(source.encode())))

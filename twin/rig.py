@@ -33,7 +33,6 @@ class TwinClock:
     Args:
         rig: is told to advance.
         timestep_s: its grid [s].
-
     """
 
     realtime = False
@@ -64,7 +63,6 @@ class TwinRig:
 
     Raises:
         ConfigError: the scenario cannot be used.
-
     """
 
     def __init__(

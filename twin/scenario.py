@@ -121,7 +121,6 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
 
     Raises:
         ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
-
     """
     text, name = _read(str(source))
     try:
@@ -140,6 +139,45 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
         return Scenario.model_validate({"name": name, **values})
     except ValidationError as error:
         raise ConfigError(f"scenario {name}: {_first(error)}") from None
+
+
+def sources(source: str | Path, overrides: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+    """Say of every value of a scenario where it comes from.
+
+    Args:
+        source: as for `load`.
+        overrides: as for `load`.
+
+    Returns:
+        For each dotted key its value, and "option", "file" or "default".
+    """
+    resolved = load(source, overrides)
+    text, _ = _read(str(source))
+    in_file = _flat(tomllib.loads(text))
+    found = {}
+    for key, value in _flat(resolved.model_dump(exclude={"name"})).items():
+        found[key] = (value, "file" if key in in_file else "default")
+        if key in overrides:
+            found[key] = (value, "option")
+    return found
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of scenario files, for editors."""
+    model = Scenario.model_json_schema()
+    del model["properties"]["name"]
+    model["required"] = []
+    return model
+
+
+def _flat(values: Any, prefix: str = "") -> dict[str, Any]:
+    """Give every value one dotted key; list items are numbered."""
+    items = values.items() if isinstance(values, Mapping) else enumerate(values)
+    flat: dict[str, Any] = {}
+    for key, value in items:
+        inner = isinstance(value, Mapping | list | tuple) and value
+        flat |= _flat(value, f"{prefix}{key}.") if inner else {f"{prefix}{key}": value}
+    return flat
 
 
 def _folder() -> Any:

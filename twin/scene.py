@@ -46,7 +46,6 @@ def add_scene(spec: mujoco.MjSpec, board: BoardGeometry, camera: Vector) -> None
         spec: the model; its texture directory must hold the board's picture.
         board: the board's geometry.
         camera: world position of the tip camera at rest [m].
-
     """
     spec.stat.extent = 0.2
     visual = spec.visual
@@ -107,7 +106,6 @@ def build_alone(folder: Path) -> mujoco.MjSpec:
 
     Args:
         folder: where scene.xml is or will be; the board's picture must be there already.
-
     """
     spec = mujoco.MjSpec()
     spec.modelfiledir = str(folder)
@@ -130,7 +128,6 @@ def build(
         instrument: what the section is made of; the defaults if None.
         numerics: how finely it is cut; the defaults if None.
         board: the target board; the standard one if None.
-
     """
     instrument = instrument or Instrument()
     spec = section.build(instrument, numerics)
@@ -149,7 +146,6 @@ def camera_id(model: mujoco.MjModel, name: str) -> int:
 
     Raises:
         ConfigError: there is none of that name.
-
     """
     index = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name))
     if index < 0:

@@ -45,7 +45,6 @@ def build(instrument: Instrument | None = None, numerics: Numerics | None = None
 
     Returns:
         An editable model, not compiled.
-
     """
     instrument = instrument or Instrument()
     numerics = numerics or Numerics()

@@ -43,7 +43,6 @@ def spring_stiffness(
         instrument: parameters of wire and conduit.
         wrap_rad: total absolute curvature of the shaft [rad], residual included.
         bend_rad: bend of the section, both axes together [rad], >= 0.
-
     """
     k = instrument.wire_stiffness
     a = max(instrument.conduit_friction * wrap_rad, 1e-3)
@@ -73,7 +72,6 @@ class Transmission:
     Args:
         model: compiled from `section.build`; its stiffness and friction entries are rewritten.
         instrument: the parameters it was built with.
-
     """
 
     def __init__(self, model: mujoco.MjModel, instrument: Instrument) -> None:
@@ -103,7 +101,6 @@ class Transmission:
         Args:
             data: its positions are read and its kinematics brought up to date.
             shaft_bend_rad: present bend of the shaft [rad].
-
         """
         model = self._model
         update_lengths(model, data)

@@ -19,7 +19,6 @@ class TwinTruth:
         calibration: of the tip camera.
         board: tells where on the board the target is.
         remember: so many exposures are kept; older ones are forgotten.
-
     """
 
     def __init__(

@@ -18,7 +18,6 @@ def from_fovy(width: int, height: int, fovy_deg: float) -> Calibration:
         width: picture width [px].
         height: picture height [px].
         fovy_deg: full vertical field of view [deg]; f = height / (2 tan(fovy/2)).
-
     """
     return Calibration(
         width=width,
@@ -37,7 +36,6 @@ def project(calibration: Calibration, point_in_camera: Vector) -> tuple[float, f
 
     Returns:
         (u, v) [px]; NaN for a point that is not ahead of the camera.
-
     """
     x, y, z = (float(c) for c in point_in_camera)
     if z <= 0:

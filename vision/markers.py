@@ -31,7 +31,6 @@ class MarkerEyes:
     Args:
         calibration: the camera's geometry.
         board: what is printed on the board.
-
     """
 
     def __init__(self, calibration: Calibration, board: BoardGeometry) -> None:
@@ -50,7 +49,6 @@ class MarkerEyes:
 
         Raises:
             ValueError: the frame carries no picture of the calibrated size.
-
         """
         wanted = (self._calibration.height, self._calibration.width, 3)
         if frame.image is None or frame.image.shape != wanted:

@@ -11,7 +11,6 @@ class TruthEyes:
 
     Args:
         truth: the simulation's truth; it must remember the exposures still under way.
-
     """
 
     def __init__(self, truth: Truth) -> None:

@@ -1,0 +1,91 @@
+"""Constant-curvature kinematics of a bending section with a rigid tip.
+
+A bend (up_down, left_right) is the rotation vector of the tip in base axes (x right, y down,
+z distal); with t its size, the section is an arc of length L and curvature t/L in the plane of
+d = (left_right, -up_down)/t, and the tip looks along d sin t + z cos t. The base frame's origin is
+the camera at rest, L + l ahead of the section's base.
+
+Reference:
+    R. J. Webster III and B. A. Jones, Int. J. Robotics Research 29(13), 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, hypot, sin
+
+import numpy as np
+
+from endolock.hw.api import ConfigError, Vector
+
+LARGEST_BEND_RAD = 2.6
+"""Targets beyond are aimed at with this bend [rad]; 150 deg. Assumed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SectionGeometry:
+    """Lengths of the section, as a bench would measure them with a ruler."""
+
+    bending_length_m: float = 0.075
+    """Along the backbone [m], > 0. Literature: 80-100 mm, less for slim ones."""
+    rigid_tip_m: float = 0.015
+    """End of the bending part to the camera [m], >= 0. Assumed."""
+
+    def __post_init__(self) -> None:
+        if not (self.bending_length_m > 0 and self.rigid_tip_m >= 0):
+            raise ConfigError(
+                f"section of {self.bending_length_m:g} m with a tip of {self.rigid_tip_m:g} m; "
+                "use a length above 0 and a tip of 0 or more"
+            )
+
+
+def forward(geometry: SectionGeometry, bend: tuple[float, float]) -> tuple[Vector, Vector]:
+    """Pose of the tip camera.
+
+    Args:
+        geometry: lengths of the section.
+        bend: (up_down, left_right) [rad].
+
+    Returns:
+        Its position [m] and orientation (3x3, base_from_camera) in base axes.
+    """
+    up_down, left_right = bend
+    t = hypot(up_down, left_right)
+    length, tip = geometry.bending_length_m, geometry.rigid_tip_m
+    sinc = sin(t) / t if t > 1e-8 else 1.0
+    half = (1 - cos(t)) / t**2 if t > 1e-4 else 0.5 - t**2 / 24
+    # along d t, so that nothing divides by a vanishing bend
+    sideways = length * half + tip * sinc
+    ahead = length * sinc + tip * cos(t) - length - tip
+    position = np.array([sideways * left_right, -sideways * up_down, ahead])
+    # Rodrigues' formula: R = 1 + sinc K + half K^2, K the cross product with the rotation vector
+    cross = np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
+    return position, np.eye(3) + sinc * cross + half * (cross @ cross)
+
+
+def aim(geometry: SectionGeometry, target: Vector) -> tuple[float, float]:
+    """Bend that points the optical axis at a target.
+
+    With r the target's distance from the section's axis at rest and z its distance ahead of the
+    section's base, r cos t - z sin t + L (1 - cos t)/t = 0; the rigid tip drops out.
+
+    Args:
+        geometry: lengths of the section.
+        target: position in base axes [m].
+
+    Returns:
+        (up_down, left_right) [rad]; at most `LARGEST_BEND_RAD` long.
+    """
+    x, y = float(target[0]), float(target[1])
+    z = float(target[2]) + geometry.bending_length_m + geometry.rigid_tip_m
+    r, length = hypot(x, y), geometry.bending_length_m
+    if r < 1e-12:
+        return 0.0, 0.0
+    low, high = 0.0, LARGEST_BEND_RAD  # the left side is r > 0 at 0
+    for _ in range(50):  # to 2.6 rad / 2^50
+        t = (low + high) / 2
+        if r * cos(t) - z * sin(t) + length * (1 - cos(t)) / t > 0:
+            low = t
+        else:
+            high = t
+    return -high * y / r, high * x / r

@@ -1,0 +1,155 @@
+"""`endolock compare`: every law on every scenario, seed and latency; one table, one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from rich.console import Console
+
+from endolock.control import laws
+from endolock.hw.api import ConfigError
+from endolock.scripts import recorder, run
+
+COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Run laws against each other on the same scenarios."""
+
+    scenarios: tuple[str, ...] = ("straight", "circle")
+    """Scenarios by name, or TOML files."""
+    controllers: tuple[str, ...] = ("pi", "ik")
+    """Control laws: pi, ik."""
+    seeds: int = 1
+    """Repeat each run with this many seeds: 0, 1, ..."""
+    latencies: tuple[float, ...] = ()
+    """Exposure to delivery of a frame [s], one run each; else the scenario's."""
+    rig: str = "twin"
+    """What to drive: twin."""
+    vision: str = "markers"
+    """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
+    instrument: str = "pretensioned"
+    """Which endoscope: pretensioned."""
+    duration_s: tyro.conf.DisallowNone[float | None] = None
+    """How long each run is [s]; else the scenario's."""
+    scored_from_s: tyro.conf.DisallowNone[float | None] = None
+    """Leave what comes before out of the score [s]; else the scenario's."""
+    out: tyro.conf.DisallowNone[Path | None] = None
+    """Folder for the run folders and the figure, new or empty; else one below runs/."""
+    json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
+    """Write {"rows": [run records]} there as JSON; - prints it, and nothing else, on standard
+    output."""
+
+
+def main(request: Request) -> int:
+    """Carry out `endolock compare`; return the exit code."""
+    run.check_json(request.json)
+    place = request.out or recorder.new_path(Path("runs"), "compare")
+    planned = plan(request, place)
+    records: list[dict[str, Any]] = []
+    for n, (one, _) in enumerate(planned, 1):
+        record, _ = run.perform(one, label=f"{n}/{len(planned)}")
+        records.append(record)
+        if record["interrupted"]:
+            break
+    folders = [folder for _, folder in planned[: len(records)]]
+    console = Console(stderr=request.json == "-")
+    with console.status("drawing errors.png"):
+        figure = draw(records, folders, place / "errors.png")
+    run.write_json({"rows": records}, request.json)
+    if request.json != "-":
+        console.print(run.table(records))
+        console.print(f"error over time: {figure}", soft_wrap=True, highlight=False)
+    return 130 if records[-1]["interrupted"] else 0
+
+
+def plan(request: Request, place: Path) -> list[tuple[run.Request, Path]]:
+    """List the runs, each with its folder below `place`; everything is checked before the first.
+
+    Raises:
+        ConfigError: a scenario, law or number cannot be used, or the folder is not empty.
+    """
+    if request.seeds < 1:
+        raise ConfigError(f"seeds {request.seeds}; use 1 or more")
+    for what in ("scenarios", "controllers"):
+        if not getattr(request, what):
+            raise ConfigError(f"no {what} given; name at least one after --{what}")
+    for name in request.controllers:
+        laws.check(name)
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise ConfigError(f"{place} is not an empty folder; give a new one with --out")
+    cases = product(
+        request.scenarios,
+        request.controllers,
+        request.latencies or (None,),
+        range(request.seeds),
+    )
+    planned: dict[Path, run.Request] = {}
+    for source, law, latency_s, seed in cases:
+        parts = [Path(source).stem, law]
+        parts += [] if latency_s is None else [f"{latency_s:g}s"]
+        parts += [f"seed{seed}"] if request.seeds > 1 else []
+        one = run.Request(
+            scenario=source,
+            controller=law,
+            rig=request.rig,
+            vision=request.vision,
+            instrument=request.instrument,
+            latency_s=latency_s,
+            duration_s=request.duration_s,
+            scored_from_s=request.scored_from_s,
+            seed=seed,
+            out=place / "-".join(parts),
+        )
+        run.resolve(one)
+        planned[place / "-".join(parts)] = one
+    return [(one, folder) for folder, one in planned.items()]
+
+
+def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path) -> Path:
+    """Draw the true error of every run over time, one panel a scenario, one colour a law.
+
+    Args:
+        records: run records.
+        folders: the run folder of each.
+        path: the PNG to write.
+    """
+    from matplotlib.figure import Figure  # half a second to load
+
+    names = list(dict.fromkeys(record["scenario"] for record in records))
+    laws_used = list(dict.fromkeys(record["controller"] for record in records))
+    figure = Figure(figsize=(9, 0.6 + 2.6 * len(names)), layout="constrained")
+    panels = figure.subplots(len(names), 1, squeeze=False)[:, 0]
+    for record, folder in zip(records, folders, strict=True):
+        panel = panels[names.index(record["scenario"])]
+        t, error = error_over_time(folder)
+        law = record["controller"]
+        colour = COLOURS[laws_used.index(law) % len(COLOURS)]
+        first = law not in panel.get_legend_handles_labels()[1]
+        panel.plot(t, error, color=colour, lw=1.2, label=law if first else None)
+    for panel, name in zip(panels, names, strict=True):
+        panel.set_title(name, loc="left", fontsize=10)
+        panel.set_ylabel("error [px]")
+        panel.set_ylim(bottom=0)
+        panel.margins(x=0)
+        panel.grid(alpha=0.3)
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+        panel.legend(ncols=len(laws_used), frameon=False, **place)
+    panels[-1].set_xlabel("time [s]")
+    figure.savefig(path, dpi=130)
+    return path
+
+
+def error_over_time(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and true errors [px] of a logged run."""
+    ticks = recorder.read(folder, "ticks")
+    centre = recorder.configuration(folder)["calibration"]["centre_px"]
+    pixels = np.array(ticks["target_px"].to_pylist(), float)
+    return np.array(ticks["t"]), np.hypot(*(pixels - centre).T)

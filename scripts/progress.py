@@ -1,0 +1,50 @@
+"""A progress bar in simulated time, and a Ctrl-C that ends a run between two ticks."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+@contextmanager
+def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar on standard error; Ctrl-C ends the run at the next whole tick."""
+    asked: list[int] = []
+
+    def ask(number: int, _frame: object) -> None:
+        asked.append(number)
+        signal.signal(signal.SIGINT, before)  # a second one ends the program at once
+
+    before = signal.signal(signal.SIGINT, ask)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} of {task.total:g} s"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+    try:
+        with bar if show else nullcontext():
+            task = bar.add_task(label, total=duration_s)
+
+            shown = now = 0.0
+
+            def tell(t: float) -> None:
+                nonlocal shown, now
+                now = t
+                if show and now - shown >= 0.2:
+                    shown = now
+                    bar.update(task, completed=now)
+                if asked:
+                    raise KeyboardInterrupt
+
+            try:
+                yield tell
+            finally:
+                bar.update(task, completed=now)
+    finally:
+        signal.signal(signal.SIGINT, before)
