@@ -6,10 +6,12 @@ is the ratio to bare `mj_step`, to a raw OpenGL quad, or to simulated time.
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import Annotated, Any
@@ -23,7 +25,7 @@ from rich.table import Table
 from endolock.control import laws
 from endolock.control.loop import Controller
 from endolock.hw.api import Frame, Image, State
-from endolock.scripts import recorder, run
+from endolock.scripts import output, recorder, run
 from endolock.twin import camera
 from endolock.twin.rig import TwinRig
 from endolock.vision.markers import MarkerEyes
@@ -38,7 +40,10 @@ RUN_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Measure the speed of physics, rendering, vision, control, logging and whole runs."""
+    """Measure the speed of physics, rendering, vision, control, logging and whole runs.
+
+    With Gymnasium installed (./run test --extra), also that of the environments.
+    """
 
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the figures there as JSON; - prints them, and nothing else, on standard output."""
@@ -46,7 +51,7 @@ class Request:
 
 def main(request: Request) -> int:
     """Carry out `endolock bench`; return the exit code."""
-    run.check_json(request.json)
+    output.check_json(request.json)
     err = Console(stderr=True)
     figures: dict[str, Any] = {}
     with err.status("measuring") as status:
@@ -57,10 +62,13 @@ def main(request: Request) -> int:
             ("pipeline", pipeline),
             ("control", control),
             ("log", log),
+            ("env", env),
         ):
+            if name == "env" and not (find_spec("gymnasium") and find_spec("dm_control")):
+                continue
             status.update(f"measuring {name}")
             figures[name] = measure()
-    run.write_json(figures, request.json)
+    output.write_json(figures, request.json)
     if request.json != "-":
         Console().print(_table(figures))
     return 0
@@ -158,6 +166,41 @@ def log() -> dict[str, float]:
         record, _ = run.perform(request, show_progress=False)
         size = sum(file.stat().st_size for file in path.iterdir())
     return {"ms_per_frame": 1e3 * taken, "mb_per_min": size / 1e6 * 60 / record["duration_s"]}
+
+
+def env() -> dict[str, float]:
+    """Steps a second of one Gymnasium environment, and of as many as there are cores, in processes.
+
+    Both see the target without pictures; a step is 20 ms.
+    """
+    import gymnasium  # an extra
+
+    from endolock.twin import gym_env
+
+    count = os.cpu_count() or 1
+    single, several = gymnasium.make(gym_env.STATE_ID), gym_env.vector(count)
+    actions = np.full((count, 2), 0.1, np.float32)
+
+    def one() -> None:
+        for _ in range(100):
+            single.step(actions[0])
+
+    def all_of_them() -> None:
+        for _ in range(100):
+            several.step(actions)
+
+    try:
+        single.reset(seed=0)
+        several.reset(seed=0)
+        one_s, all_s = _times(one, all_of_them)
+    finally:
+        single.close()
+        several.close()
+    return {
+        "steps_per_s": 100 / one_s,
+        "vector_steps_per_s": 100 * count / all_s,
+        "environments": count,
+    }
 
 
 def _run(eyes: str) -> float:

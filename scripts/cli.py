@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import tyro
 
 from endolock.hw.api import ConfigError, EndolockError, HardwareError
+from endolock.scripts import doctor
 
 DESCRIPTION = (
     "Digital twin of a robot-steered flexible endoscope, and its target lock. "
@@ -83,9 +84,11 @@ def fold(box: str) -> str:
 
 
 def _dispatch(args: list[str]) -> int:
+    if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
+        return doctor.main(parse(doctor.Request, "endolock doctor", args[1:]))
     try:
         from endolock.scripts import bench, compare, run, view
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, RuntimeError) as error:
         # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
         if "MUJOCO_GL" not in os.environ:
             raise
@@ -97,6 +100,7 @@ def _dispatch(args: list[str]) -> int:
         Annotated[run.Request, tyro.conf.subcommand("run")]
         | Annotated[compare.Request, tyro.conf.subcommand("compare")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
+        | Annotated[doctor.Request, tyro.conf.subcommand("doctor")]
         | Annotated[bench.Request, tyro.conf.subcommand("bench")]
     )
     mains: dict[type, Callable[[Any], int]] = {

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from endolock.control import laws
 from endolock.hw.api import ConfigError
-from endolock.scripts import recorder, run
+from endolock.scripts import output, recorder, run
 
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
@@ -50,28 +50,44 @@ class Request:
 
 def main(request: Request) -> int:
     """Carry out `endolock compare`; return the exit code."""
-    run.check_json(request.json)
+    output.check_json(request.json)
     place = request.out or recorder.new_path(Path("runs"), "compare")
-    planned = plan(request, place)
-    records: list[dict[str, Any]] = []
-    for n, (one, _) in enumerate(planned, 1):
-        record, _ = run.perform(one, label=f"{n}/{len(planned)}")
-        records.append(record)
-        if record["interrupted"]:
-            break
-    folders = [folder for _, folder in planned[: len(records)]]
+    records, folders = perform(request, place)
     console = Console(stderr=request.json == "-")
     with console.status("drawing errors.png"):
         figure = draw(records, folders, place / "errors.png")
-    run.write_json({"rows": records}, request.json)
+    output.write_json({"rows": records}, request.json)
     if request.json != "-":
         console.print(run.table(records))
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False)
     return 130 if records[-1]["interrupted"] else 0
 
 
-def plan(request: Request, place: Path) -> list[tuple[run.Request, Path]]:
-    """List the runs, each with its folder below `place`; everything is checked before the first.
+def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[Path]]:
+    """Carry out all runs, up to a Ctrl-C.
+
+    Args:
+        request: what to run.
+        place: holds a run folder for each.
+
+    Returns:
+        The run records, and the run folder of each.
+
+    Raises:
+        ConfigError: something cannot be carried out; nothing was written.
+    """
+    planned = plan(request, place)
+    records: list[dict[str, Any]] = []
+    for n, one in enumerate(planned, 1):
+        record, _ = run.perform(one, label=f"{n}/{len(planned)}")
+        records.append(record)
+        if record["interrupted"]:
+            break
+    return records, [one.out for one in planned[: len(records)] if one.out]
+
+
+def plan(request: Request, place: Path) -> list[run.Request]:
+    """List the runs, each with its folder below `place`; all are checked before the first.
 
     Raises:
         ConfigError: a scenario, law or number cannot be used, or the folder is not empty.
@@ -91,7 +107,7 @@ def plan(request: Request, place: Path) -> list[tuple[run.Request, Path]]:
         request.latencies or (None,),
         range(request.seeds),
     )
-    planned: dict[Path, run.Request] = {}
+    planned: list[run.Request] = []
     for source, law, latency_s, seed in cases:
         parts = [Path(source).stem, law]
         parts += [] if latency_s is None else [f"{latency_s:g}s"]
@@ -109,8 +125,10 @@ def plan(request: Request, place: Path) -> list[tuple[run.Request, Path]]:
             out=place / "-".join(parts),
         )
         run.resolve(one)
-        planned[place / "-".join(parts)] = one
-    return [(one, folder) for folder, one in planned.items()]
+        planned.append(one)
+    if len({one.out for one in planned}) < len(planned):
+        raise ConfigError("two runs are the same; name every scenario, law and latency once")
+    return planned
 
 
 def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path) -> Path:

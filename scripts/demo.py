@@ -1,8 +1,9 @@
-"""`./run demo`: the PI law follows the straight path for 25 s; a table, a run folder, a picture."""
+"""`./run demo`: two laws follow the straight path; a table, a figure, a strip of pictures."""
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from rich.console import Console
 
@@ -10,19 +11,26 @@ from endolock.scripts import cli
 
 
 def main(args: list[str]) -> int:
-    """Run the demo; `args` are further options of `endolock run`."""
-    from endolock.scripts import rrd, run, strip  # cli.guarded explains what fails to load
+    """Run the demo; `args` are further options of `endolock compare`."""
+    from endolock.scripts import compare, recorder, rrd, run, strip  # cli.guarded says what fails
 
     console = Console()
-    request = cli.parse(run.Request, "./run demo", ["straight", "--controller", "pi", *args])
-    record, folder = run.perform(request)
-    with console.status("writing run.rrd and strip.png"):
-        rrd.derive(folder)
-        picture = strip.write(folder, folder / "strip.png")
-    console.print(run.table([record]))
-    console.print(f"what the tip camera saw: {picture}", soft_wrap=True, highlight=False)
-    console.print(f"look into the run with: ./run endolock view {folder}", soft_wrap=True)
-    return 130 if record["interrupted"] else 0
+    request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
+    place = request.out or recorder.new_path(Path("runs"), "demo")
+    records, folders = compare.perform(request, place)
+    first = folders[0]
+    with console.status("writing errors.png, strip.png and run.rrd"):
+        errors = compare.draw(records, folders, place / "errors.png")
+        picture = strip.write(first, place / "strip.png")
+        rrd.derive(first)
+    console.print(run.table(records))
+    for what, where in (
+        ("error over time", errors),
+        ("what the tip camera saw", picture),
+        ("look into a run", f"./run endolock view {first}"),
+    ):
+        console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+    return 130 if records[-1]["interrupted"] else 0
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import json
 import shutil
 import sys
 import tempfile
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,9 @@ HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vis
 HEAD = """# Results
 
 Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
-*now* is the true error at every control tick, *seen* what vision saw, 0.4 s old. The law is our
-reproduction of the thesis' PI with assumed gains, on the twin; nothing here was measured on an
-endoscope.
+*rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
+old. The laws are our reproductions of two of the thesis', with assumed gains, on the twin; nothing
+here was measured on an endoscope.
 """
 
 
@@ -39,17 +40,16 @@ def main(_args: list[str]) -> int:
     before, rest = card.read_text(encoding="utf-8").split(START, 1)
     after = rest.split(END, 1)[1]
     card.write_text(f"{before}{START}\n{parameters()}{END}{after}", encoding="utf-8")
-    place = generate.folder().parent / "scenarios" / "schema.json"
-    place.write_text(schema(), encoding="utf-8")
+    for_editors = generate.folder().parent / "scenarios" / "schema.json"
+    for_editors.write_text(schema(), encoding="utf-8")
     records = []
-    for name in scenario.names():
+    for name, law in product(scenario.names(), ("pi", "ik")):
         with tempfile.TemporaryDirectory() as place:
-            folder = Path(place) / "run"
-            record, _ = run.perform(run.Request(scenario=name, out=folder))
+            request = run.Request(scenario=name, controller=law, out=Path(place) / "run")
+            record, folder = run.perform(request)
             records.append(record)
-            if name == "straight":
-                strip.write(folder, folder / "strip.png")
-                shutil.copy(folder / "strip.png", ROOT / "docs" / "strip.png")
+            if (name, law) == ("straight", "pi"):
+                shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / "strip.png")
     (ROOT / "docs" / "results.md").write_text(HEAD + _markdown(records), encoding="utf-8")
     return 0
 

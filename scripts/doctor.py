@@ -29,6 +29,7 @@ from rich.table import Table
 from rich.text import Text
 
 from endolock.hw.api import Calibration, ConfigError, Frame
+from endolock.scripts import output
 
 LISTED = Path(__file__).resolve().parents[1] / "requirements.txt"
 """The version list; it lies beside the sources and is not installed with them."""
@@ -78,18 +79,10 @@ def main(request: Request) -> int:
     Raises:
         ConfigError: the JSON cannot be written.
     """
-    if request.json is not None:
-        try:
-            from endolock.scripts import run  # loads MuJoCo
-        except Exception as error:
-            raise ConfigError(
-                f"MuJoCo cannot be loaded ({error}); run endolock doctor without --json"
-            ) from error
-        run.check_json(request.json)
+    output.check_json(request.json)
     findings = examine(Console(stderr=True))
     ok = all(finding.ok for finding in findings)
-    if request.json is not None:
-        run.write_json({"ok": ok, "checks": [asdict(f) for f in findings]}, request.json)
+    output.write_json({"ok": ok, "checks": [asdict(f) for f in findings]}, request.json)
     if request.json != "-":
         Console().print(table(findings))
     return 0 if ok else 2

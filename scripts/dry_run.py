@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from endolock.scripts import run
+from endolock.scripts import output, run
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument, Numerics
 
@@ -25,7 +25,7 @@ def show(request: run.Request) -> int:
     table = resolved(request)
     if request.json:
         rows = {key: {"value": value, "source": source} for key, (value, source) in table.items()}
-        run.write_json(rows, request.json)
+        output.write_json(rows, request.json)
     if request.json != "-":
         layout = Table(title="nothing was run", title_justify="left")
         for heading in ("key", "value", "source"):

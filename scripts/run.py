@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import platform
-import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +16,7 @@ from rich.table import Table
 
 from endolock.control import laws, loop, metrics
 from endolock.hw.api import ConfigError
-from endolock.scripts import recorder, rigs
+from endolock.scripts import output, recorder, rigs
 from endolock.scripts.progress import progress
 from endolock.twin import scenario as scenarios
 from endolock.twin.scenario import Scenario
@@ -67,14 +64,14 @@ def main(request: Request) -> int:
     """Carry out `endolock run`; return the exit code."""
     from endolock.scripts import dry_run, rrd, view  # Rerun takes a second to load
 
-    check_json(request.json)
+    output.check_json(request.json)
     console = Console(stderr=request.json == "-")
     if request.dry_run:
         return dry_run.show(request)
     record, folder = perform(request)
     with console.status("writing run.rrd"):
         rrd.derive(folder)
-    write_json(record, request.json)
+    output.write_json(record, request.json)
     if request.json != "-":
         console.print(table([record]))
         console.print(f"run folder: {folder}", soft_wrap=True, highlight=False)
@@ -178,37 +175,6 @@ def perform(
         }
     folder.finish(record)
     return record, path
-
-
-def check_json(target: str | None) -> None:
-    """See that the JSON can be written later.
-
-    Raises:
-        ConfigError: the folder it belongs to does not exist, or it names a folder.
-    """
-    if target in (None, "-"):
-        return
-    path = Path(str(target))
-    if path.is_dir() or not path.parent.is_dir():
-        raise ConfigError(f"cannot write {path}; give --json a file in an existing folder, or -")
-
-
-def write_json(record: Mapping[str, Any], target: str | None) -> None:
-    """Write a record to a file or, for "-", to standard output.
-
-    Raises:
-        ConfigError: the file cannot be written.
-    """
-    if target is None:
-        return
-    text = json.dumps(record, indent=2, allow_nan=False) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-        return
-    try:
-        Path(target).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write {target}: {error.strerror}; use another --json") from None
 
 
 def table(records: list[dict[str, Any]]) -> Table:

@@ -12,6 +12,7 @@
 set -eu
 export LC_ALL=C.UTF-8
 repo=$(cd "$(dirname "$0")/.." && pwd)
+certificates=/etc/ssl/certs/ca-certificates.crt
 
 say() { echo "bare_machine: $*"; }
 fail() { echo "bare_machine: $*" >&2 && exit 1; }
@@ -27,6 +28,13 @@ timed() {
 
 # mb PATH...: megabytes on disk, 0 where nothing is there.
 mb() { du -skc "$@" 2>/dev/null | awk 'END { printf "%.0f", $1 / 1024 }'; }
+
+# pip_mb LOG: megabytes that pip says it downloaded.
+pip_mb() {
+    awk 'BEGIN { unit["bytes)"] = 1e-6; unit["kB)"] = 1e-3; unit["MB)"] = 1; unit["GB)"] = 1e3 }
+        / Downloading / && $NF in unit { n += substr($(NF - 1), 2) * unit[$NF] }
+        END { printf "%.0f", n }' "$1"
+}
 
 # apart PROC COMMAND...: with mounts and processes of its own, which end with it even when it is killed.
 apart() {
@@ -51,16 +59,10 @@ install() {
         inside root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }
 
-# way_out: the bare machine reaches apt and PyPI as this one does.
+# way_out HOME: what of our environment leads to PyPI, and no more.
 way_out() {
-    cp /etc/resolv.conf /etc/hosts "$root/etc/"
-    cp /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
-    [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/"
-    apt-config dump Acquire | grep -v IndexTargets >"$root/etc/apt/apt.conf.d/way_out"
-    {
-        echo "export PIP_CERT=/etc/ssl/certs/ca-certificates.crt"
-        export -p | grep -iE '^export (PIP_((EXTRA_)?INDEX_URL|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|[a-z]+_PROXY)=' || true
-    } >"$root/etc/way_out"
+    echo "export PIP_PROGRESS_BAR=off PIP_CERT=$certificates PIP_LOG=$1/pip.log"
+    export -p | grep -iE '^export (PIP_((EXTRA_)?INDEX_URL|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|[a-z]+_PROXY)=' || true
 }
 
 bare_root() {
@@ -69,7 +71,11 @@ bare_root() {
     apart /proc debootstrap --variant=minbase --include="$packages" "$suite" "$root" $mirror >"$work/log" 2>&1 ||
         { tail -n 20 "$root/debootstrap/debootstrap.log" && return 1; }
     rm -rf "$root"/var/cache/apt/archives/*.deb "$root"/var/lib/apt/lists/*
-    way_out
+    cp /etc/resolv.conf /etc/hosts "$root/etc/"
+    cp "$certificates" "$root$certificates"
+    [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/"
+    apt-config dump Acquire | grep -v IndexTargets >"$root/etc/apt/apt.conf.d/way_out"
+    way_out "$home" >"$root/etc/way_out"
     [ "$who" = root ] || chroot "$root" useradd --create-home --shell /bin/sh "$who"
     [ "$case" != sudo ] || printf '%s\n' 'Defaults env_keep += "http_proxy https_proxy no_proxy"' \
         "$who ALL=(ALL) NOPASSWD: ALL" >"$root/etc/sudoers.d/$who"
@@ -118,32 +124,40 @@ bare() {
     tail -n 1 "$work/log"
     timed "./run test" inside "$who" ./run test -q
     say "$label: downloaded: $(mb "$root/var/lib/apt/lists") MB package lists," \
-        "$(mb "$root"/var/cache/apt/archives/*.deb) MB packages, $(mb "$root$home/.cache/pip") MB by pip"
+        "$(mb "$root"/var/cache/apt/archives/*.deb) MB packages, $(pip_mb "$root$home/pip.log") MB by pip"
     say "$label: installed: $(($(installed_mb) - before)) MB packages, $(mb "$clone/.venv") MB .venv"
 }
 
+# plainly COMMAND...: runs it with nothing of our environment or settings but what leads to PyPI.
+plainly() {
+    # shellcheck disable=SC2016
+    env -i HOME="$work" PATH="$PATH" LC_ALL=C.UTF-8 sh -c '. "$HOME/way_out" && exec "$@"' sh "$@"
+}
+
 build_wheel() {
-    "$python" -m venv "$work/build"
-    "$work/build/bin/pip" install -q build
+    plainly "$python" -m venv "$work/build"
+    plainly "$work/build/bin/pip" install -q build
     git clone -q "$repo" "$work/clone"
-    "$work/build/bin/python" -m build --wheel --outdir "$work" "$work/clone" >"$work/log" 2>&1 ||
+    plainly "$work/build/bin/python" -m build --wheel --outdir "$work" "$work/clone" >"$work/log" 2>&1 ||
         { tail -n 20 "$work/log" && return 1; }
-    rm -rf "$work/clone"
+    rm -rf "$work/clone" "$work/pip.log"
 }
 
 wheel() {
-    python=$(command -v "$1") || fail "there is no $1 here; give a Python of 3.11 or newer"
-    timed "wheel built" build_wheel
-    "$python" -m venv "$work/site"
-    timed "wheel and its dependencies installed" "$work/site/bin/pip" install -q --cache-dir "$work/cache" "$work"/endolock-*.whl
-    say "$label: downloaded: $(mb "$work/cache") MB; installed: $(mb "$work/site") MB"
+    python=$("$1" -c 'import sys; print(sys.executable)') || fail "$1 does not run; give a Python of 3.11 or newer"
+    label="wheel $("$python" -V)"
     cd "$work"
-    timed "without pictures" site/bin/endolock run rest --vision truth --duration-s 2 --out truth
-    timed "with pictures" site/bin/endolock run rest --duration-s 2 --out pictures
-    site/bin/python -c 'import endolock, pathlib
+    way_out "$work" >way_out
+    timed "wheel built" build_wheel
+    plainly "$python" -m venv site
+    timed "wheel and its dependencies installed" plainly site/bin/pip install -q endolock-*.whl
+    say "$label: downloaded: $(pip_mb pip.log) MB by pip; installed: $(mb site) MB of environment"
+    plainly site/bin/python -c 'import endolock, pathlib
 folder = pathlib.Path(endolock.__file__).parent
 assert folder.is_relative_to(pathlib.Path("site").resolve()), folder
 print(*sorted(str(f.relative_to(folder)) for f in folder.glob("models/**/*.*ml")))'
+    timed "run without pictures" plainly site/bin/endolock run rest --vision truth --duration-s 2 --out truth
+    timed "run with pictures" plainly site/bin/endolock run rest --duration-s 2 --out pictures
 }
 
 [ $# = 2 ] || usage
@@ -153,7 +167,7 @@ trap 'rm -rf --one-file-system "$work"' EXIT
 trap 'exit 143' HUP INT TERM
 case $1 in
 bookworm | trixie) suite=$1 && bare ;;
-wheel) label="wheel $("$2" -V 2>&1)" && wheel "$2" ;;
+wheel) wheel "$2" ;;
 *) usage ;;
 esac
 say "$label: passed"

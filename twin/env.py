@@ -36,8 +36,8 @@ try:
     from dm_env import specs
 except ModuleNotFoundError as error:
     raise ConfigError(
-        f"endolock.twin.env needs dm-control, and {error.name} is not installed; use Python 3.11 or "
-        "3.12, for which it comes with endolock"
+        f"endolock.twin.env needs dm-control, but {error.name} is not installed; use Python 3.11 "
+        "or 3.12, where it comes with endolock"
     ) from None
 
 PERIOD_S = 0.020

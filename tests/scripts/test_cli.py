@@ -86,13 +86,13 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        ([], "Expected one of {run, view, bench}"),
+        ([], "Expected one of {run, compare, view, doctor, bench}"),
         (["runn"], "Unrecognized options: runn"),
         (["run"], "Missing from endolock run: STR"),
         (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),
         (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
         (["run", "strait"], "scenario 'strait' is unknown; use circle, rest, straight or a .toml"),
-        (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use pi"),
+        (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use ik, pi"),
         (["run", "rest", "--rig", "car"], "rig 'car' is unknown; use twin"),
         (["run", "rest", "--vision", "ears"], "vision 'ears' is unknown; use markers or truth"),
         (["run", "rest", "--instrument", "oboe"], "instrument 'oboe' is unknown; use pretensioned"),

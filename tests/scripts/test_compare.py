@@ -42,6 +42,7 @@ def test_the_figure_shows_the_metric(tmp_path: Path) -> None:
         (["--scenarios", "rest", "roast"], "scenario 'roast' is unknown; use circle, rest"),
         (["--latencies", "0.1", "-0.1"], "camera.latency_s: should be greater than or equal to 0"),
         (["--seeds", "0"], "seeds 0; use 1 or more"),
+        (["--controllers", "pi", "pi"], "two runs are the same; name every scenario, law and"),
         (["--controllers"], "no controllers given; name at least one after --controllers"),
         (["--out", "."], ". is not an empty folder; give a new one with --out"),
     ],

@@ -1,0 +1,42 @@
+"""Writes what a command found out as JSON, where the command line says."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from endolock.hw.api import ConfigError
+
+
+def check_json(target: str | None) -> None:
+    """See that the JSON can be written later.
+
+    Raises:
+        ConfigError: the folder it belongs to does not exist, or it names a folder.
+    """
+    if target in (None, "-"):
+        return
+    path = Path(str(target))
+    if path.is_dir() or not path.parent.is_dir():
+        raise ConfigError(f"cannot write {path}; give --json a file in an existing folder, or -")
+
+
+def write_json(record: Mapping[str, Any], target: str | None) -> None:
+    """Write a record to a file or, for "-", to standard output.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    if target is None:
+        return
+    text = json.dumps(record, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+        return
+    try:
+        Path(target).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}; use another --json") from None

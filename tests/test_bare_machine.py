@@ -1,0 +1,56 @@
+"""What the README promises holds on bare machines; the wheel works by itself; 40 minutes."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).with_name("bare_machine.sh")
+CASES = ("root", "root-egl", "sudo", "user")
+HALF_AN_HOUR_S = 1800  # a case took under 5 minutes; the rest is for slow networks
+
+pytestmark = [pytest.mark.slow, pytest.mark.bare]
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("suite", ["bookworm", "trixie"])
+def test_a_bare_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> None:
+    if os.geteuid() != 0 or shutil.which("apt-get") is None:
+        pytest.fail(
+            "a bare machine needs root on Debian or Ubuntu; run this there as root, or the other "
+            'long tests with ./run slow -m "slow and not bare"'
+        )
+    assert "passed" in _script(suite, case)
+
+
+@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13", "3.14"])
+def test_the_wheel_runs_by_itself(version: str) -> None:
+    models = _script("wheel", _python(version))
+    assert "models/endoscope/scene.xml" in models
+    assert "models/scenarios/rest.toml" in models
+
+
+def _script(*arguments: str) -> str:
+    """Runs the script; its output, which is printed too."""
+    # `timeout` ends the script by a signal, on which it still removes what it made.
+    command = ["timeout", str(HALF_AN_HOUR_S), str(SCRIPT), *arguments]
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False
+    )
+    if done.returncode:
+        message = f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}"
+        pytest.fail(message, pytrace=False)
+    print(done.stdout)
+    return done.stdout
+
+
+def _python(version: str) -> str:
+    """A Python of that version which can make environments: on the path, or from pyenv."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+    found = [shutil.which(f"python{version}"), *pyenv.glob(f"versions/{version}.*/bin/python")]
+    for python in [str(path) for path in found if path]:
+        if subprocess.run([python, "-c", "import ensurepip"], capture_output=True).returncode == 0:
+            return python
+    pytest.skip(f"there is no Python {version} with ensurepip on this machine")
