@@ -27,7 +27,7 @@ class SectionGeometry:
     """Lengths of the section, as a bench would measure them with a ruler."""
 
     bending_length_m: float = 0.075
-    """Along the backbone [m], > 0. Literature: 80-100 mm, less for slim ones."""
+    """Along the backbone [m], > 0. Assumed, as the default instrument's."""
     rigid_tip_m: float = 0.015
     """End of the bending part to the camera [m], >= 0. Assumed."""
 
@@ -53,7 +53,7 @@ def forward(geometry: SectionGeometry, bend: tuple[float, float]) -> tuple[Vecto
     t = hypot(up_down, left_right)
     length, tip = geometry.bending_length_m, geometry.rigid_tip_m
     sinc = sin(t) / t if t > 1e-8 else 1.0
-    half = (1 - cos(t)) / t**2 if t > 1e-4 else 0.5 - t**2 / 24
+    half = 2 * (sin(t / 2) / t) ** 2 if t > 1e-8 else 0.5  # (1 - cos t)/t^2, without cancellation
     # along d t, so that nothing divides by a vanishing bend
     sideways = length * half + tip * sinc
     ahead = length * sinc + tip * cos(t) - length - tip
@@ -84,7 +84,7 @@ def aim(geometry: SectionGeometry, target: Vector) -> tuple[float, float]:
     low, high = 0.0, LARGEST_BEND_RAD  # the left side is r > 0 at 0
     for _ in range(50):  # to 2.6 rad / 2^50
         t = (low + high) / 2
-        if r * cos(t) - z * sin(t) + length * (1 - cos(t)) / t > 0:
+        if r * cos(t) - z * sin(t) + 2 * length * sin(t / 2) ** 2 / t > 0:
             low = t
         else:
             high = t

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
-from endolock.hw.api import Clock, Command, ConfigError, Frame, Rig, State, TruthSample
+from endolock.hw.api import Clock, Command, ConfigError, Frame, Mode, Rig, State, TruthSample
 from endolock.vision.observation import Eyes, Observation, Status
 
 PERIOD_S = 0.020
@@ -154,12 +154,15 @@ def run(
     result = Run()
     actuators, truth = rig.actuators, rig.truth
     actuators.connect()
-    controller.reset(actuators.enable())
+    driven = actuators.mode in (Mode.ENABLED, Mode.HOLDING)
+    controller.reset(actuators.exchange(None) if driven else actuators.enable())
     command: Command | None = None
-    before = rig.camera.latest()  # what came before the run is none of its business
-    status, newest = Status.SEARCHING, before.seq if before else -1
+    start = rig.clock.now()
+    before = rig.camera.latest()  # what arrived before the run is none of its business
+    stale = before is not None and before.t_available < start
+    status, newest = Status.SEARCHING, before.seq if before and stale else -1
     try:
-        for t, skipped in ticks(rig.clock, period_s, rig.clock.now() + duration_s):
+        for t, skipped in ticks(rig.clock, period_s, start + duration_s):
             state = actuators.exchange(command)
             observation = None
             frame = rig.camera.latest()

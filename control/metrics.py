@@ -1,8 +1,8 @@
 """Scores of a run: how far the target was from the image centre, and what the handles did.
 
 `error_px` is the true error now, at every tick from `scored_from_s` on, also with the target
-outside the picture; `delayed_error_px` is what vision saw, the only one that a bench has. A target
-behind the camera, which has no pixel, counts with `BEHIND_PX`.
+outside the picture; `delayed_error_px` is what vision saw, the only one that a bench has. No error
+counts for more than `BEHIND_PX`, nor does a target behind the camera, which has no pixel.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ REVERSAL_RAD = 0.006
 EXPOSURE_S = 0.020
 """Exposure time for which motion blur is stated [s]. Assumed."""
 BEHIND_PX = 1e4
-"""Error of a target that is not ahead of the camera [px]."""
+"""Error of a target that is not ahead of the camera, and the largest of any [px]. Assumed."""
 
 
 def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str, Any]:
@@ -36,16 +36,21 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
     Args:
         run: its ticks and frames.
         calibration: of the tip camera; gives the image centre.
-        scored_from_s: ticks and frames before this time are left out of the errors [s].
+        scored_from_s: errors, `handle` and `blur_px` leave out what is earlier, counted from the
+            first tick [s]; the counts and shares of frames, the lost share and the time to lock
+            are of the whole run.
 
     Returns:
-        Plain numbers by name, None where nothing was measured; see docs of the run record.
+        Plain numbers by name; None where there is nothing to measure them by. On a bench, which
+        knows no truth, the true errors are None as a whole.
     """
-    ticks = [tick for tick in run.ticks if tick.t >= scored_from_s - 1e-9]
-    seen = [s for s in run.seen if s.frame.t_available >= scored_from_s - 1e-9]
+    begin = scored_from_s - 1e-9 + (run.ticks[0].t if run.ticks else 0.0)
+    ticks = [tick for tick in run.ticks if tick.t >= begin]
+    seen = [s for s in run.seen if s.frame.t_available >= begin]
     accepted = [s for s in seen if s.observation.status is Status.TRACKING]
     delayed = [_radius(calibration, s.observation.target_px) for s in accepted]
     known = [tick.truth for tick in ticks if tick.truth]
+    on_a_bench = bool(run.ticks) and run.ticks[0].truth is None
     error = np.array([_radius(calibration, truth.target_px) for truth in known])
     degrees = np.array([truth.error_deg for truth in known])
     return {
@@ -54,10 +59,10 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
         "detected_fraction": _share([s.observation.status is Status.TRACKING for s in run.seen]),
         "lost_fraction": _share([tick.status is Status.LOST for tick in run.ticks]),
         "time_to_lock_s": _time_to_lock(run.ticks, calibration),
-        "error_px": _summary(error),
-        "error_deg": {"rms": _rms(degrees), "max": _most(degrees)},
+        "error_px": None if on_a_bench else _summary(error),
+        "error_deg": None if on_a_bench else _extent(degrees),
         "delayed_error_px": _summary(np.array(delayed)),
-        "vision_error_px": _vision_error(accepted),
+        "vision_error_px": None if on_a_bench else _vision_error(accepted),
         "handle": _handle(ticks),
         "blur_px": _blur(ticks),
     }
@@ -65,7 +70,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
 
 def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
     right, down = camera_model.offset(calibration, pixel)
-    return float(np.hypot(right, down)) if isfinite(right) else BEHIND_PX
+    return min(float(np.hypot(right, down)), BEHIND_PX) if isfinite(right) else BEHIND_PX
 
 
 def _summary(error: Vector) -> dict[str, float | None]:
@@ -74,11 +79,17 @@ def _summary(error: Vector) -> dict[str, float | None]:
     return {
         "rms": _rms(error),
         "p95": float(np.percentile(error, 95)),
-        "max": _most(error),
+        "max": float(error.max()),
         "mean": float(error.mean()),
         "within_20": float((error <= 20).mean()),
         "within_50": float((error <= 50).mean()),
     }
+
+
+def _extent(error: Vector) -> dict[str, float | None]:
+    if not error.size:
+        return {"rms": None, "max": None}
+    return {"rms": _rms(error), "max": float(error.max())}
 
 
 def _vision_error(accepted: Sequence[Seen]) -> dict[str, float | None]:
@@ -89,7 +100,7 @@ def _vision_error(accepted: Sequence[Seen]) -> dict[str, float | None]:
             if s.truth
         ]
     )
-    return {"rms": _rms(error), "max": _most(error)}
+    return _extent(error)
 
 
 def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:
@@ -154,9 +165,5 @@ def _share(facts: Sequence[bool]) -> float | None:
     return float(np.mean(facts)) if facts else None
 
 
-def _rms(values: Vector) -> float | None:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else None
-
-
-def _most(values: Vector) -> float | None:
-    return float(values.max()) if values.size else None
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

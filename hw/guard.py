@@ -44,9 +44,17 @@ class Reading:
 class Drive(Protocol):
     """The motors behind a guard. It may raise `DeviceFault`; everything else is the guard's."""
 
-    axes: tuple[str, ...]
-    limits: Limits
-    clock: Clock
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axis names, in the order of every tuple here."""
+
+    @property
+    def limits(self) -> Limits:
+        """What may be asked for, counted from the present zero."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that stamps its readings."""
 
     def open(self) -> None:
         """Get hold of the device, torque off."""
@@ -161,7 +169,9 @@ class Guard:
             # The goal is in place before torque comes on.
             reading = self._drive.transfer(self._goal)
             self._drive.torque(True)
-        except DeviceFault as fault:
+        except LinkLost:
+            raise  # nothing was switched on, so there is nothing to latch
+        except HardwareError as fault:
             self._latch(fault)
             raise
         self._slewed_at = self._fresh_at = self._expires = now
@@ -187,7 +197,7 @@ class Guard:
             self._check_age(reading, now)
             if driven:
                 self._check_following(reading, now)
-        except (DeviceFault, LinkLost) as fault:
+        except HardwareError as fault:
             self._latch(fault)
             raise
         return self._remember(reading, clipped)

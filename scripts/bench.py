@@ -22,9 +22,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from endolock.control import laws
-from endolock.control.loop import Controller
-from endolock.hw.api import Frame, Image, State
+from endolock.control import laws, loop
+from endolock.control.loop import Controller, Seen
+from endolock.hw.api import Frame, State
 from endolock.scripts import output, recorder, run
 from endolock.twin import camera
 from endolock.twin.rig import TwinRig
@@ -125,8 +125,8 @@ def vision() -> dict[str, Any]:
 
 
 def pipeline() -> dict[str, Any]:
-    """Whole runs of `straight` with `pi`: simulated seconds a second, the log included."""
-    return {"logged_rtf": _run("markers"), "truth_rtf": _run("truth")}
+    """Whole runs of `straight` with `pi`: simulated seconds a second."""
+    return {"pinhole_rtf": _unlogged(), "logged_rtf": _run("markers"), "truth_rtf": _run("truth")}
 
 
 def control() -> dict[str, float]:
@@ -155,17 +155,32 @@ def _ticks_s(law: Controller, state: State, observation: Observation) -> float:
 
 
 def log() -> dict[str, float]:
-    """The cost of a frame in the run folder, and its growth with 25 frames a second."""
-    frame, _ = _frame_and_eyes()
-    assert frame.image is not None
-    picture: Image = frame.image
-    (taken,) = _times(lambda: recorder.jpeg(picture), repeat=60)
+    """Measure one frame with both pictures on its way into the run folder, and the folder's growth.
+
+    Growth is counted over the frames of a run, without the wait for the first.
+    """
     with tempfile.TemporaryDirectory() as name:
-        path = Path(name) / "run"
-        request = run.Request(scenario="straight", duration_s=2.0, out=path)
-        record, _ = run.perform(request, show_progress=False)
+        request = run.Request(scenario="straight", duration_s=2.0, out=Path(name) / "run")
+        record, path = run.perform(request, show_progress=False)
+        if record["interrupted"]:
+            raise KeyboardInterrupt
         size = sum(file.stat().st_size for file in path.iterdir())
-    return {"ms_per_frame": 1e3 * taken, "mb_per_min": size / 1e6 * 60 / record["duration_s"]}
+        seen_s = record["duration_s"] - record["latency_s"]
+        with TwinRig("straight", overview=True) as rig:
+            rig.clock.sleep_until(0.4)
+            frame, eyes = rig.camera.latest(), MarkerEyes(rig.camera.calibration, rig.board)
+            assert frame is not None
+            assert rig.overview is not None
+            seen = Seen(
+                frame=frame,
+                observation=eyes(frame),
+                overview=rig.overview.latest(),
+                truth=rig.truth.at_exposure(frame.seq),
+            )
+        folder = recorder.RunFolder(Path(name) / "timed", {})
+        (taken,) = _times(lambda: folder.seen(seen), repeat=60)
+        folder.close()
+    return {"ms_per_frame": 1e3 * taken, "mb_per_min": size / 1e6 * 60 / seen_s}
 
 
 def env() -> dict[str, float]:
@@ -203,6 +218,20 @@ def env() -> dict[str, float]:
     }
 
 
+def _unlogged() -> float:
+    """Pictures, markers and law without a run folder: the loop alone."""
+    factors: list[float] = []
+    for _ in range(3):
+        with TwinRig("straight") as rig:
+            rig.clock.sleep_until(0.0)
+            camera = rig.camera.calibration
+            eyes, law = MarkerEyes(camera, rig.board), laws.make("pi", camera)
+            start = time.perf_counter()
+            loop.run(rig, eyes, law, duration_s=RUN_S)
+            factors.append(RUN_S / (time.perf_counter() - start))
+    return median(factors)
+
+
 def _run(eyes: str) -> float:
     factors: list[float] = []
     for _ in range(3):
@@ -211,6 +240,8 @@ def _run(eyes: str) -> float:
                 scenario="straight", vision=eyes, duration_s=RUN_S, out=Path(name) / "run"
             )
             record, _ = run.perform(request, show_progress=False)
+            if record["interrupted"]:
+                raise KeyboardInterrupt
             factors.append(record["real_time_factor"])
     return median(factors)
 

@@ -10,10 +10,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
-import tyro
-
+import endolock
 from endolock.hw.api import ConfigError, EndolockError, HardwareError
-from endolock.scripts import doctor
 
 DESCRIPTION = (
     "Digital twin of a robot-steered flexible endoscope, and its target lock. "
@@ -58,6 +56,8 @@ def parse(kind: Any, prog: str, args: list[str]) -> Any:
         ConfigError: the words do not fit.
         SystemExit: help was asked for and printed.
     """
+    import tyro
+
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
@@ -84,16 +84,21 @@ def fold(box: str) -> str:
 
 
 def _dispatch(args: list[str]) -> int:
+    # Loaded here, where a Ctrl-C and whatever fails to load are already told in one line.
+    import tyro
+
+    from endolock.scripts import doctor
+
     if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
         return doctor.main(parse(doctor.Request, "endolock doctor", args[1:]))
     try:
         from endolock.scripts import bench, compare, run, view
     except (ImportError, AttributeError, RuntimeError) as error:
         # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
-        if "MUJOCO_GL" not in os.environ:
+        if not endolock.opengl():
             raise
         raise ConfigError(
-            f"MuJoCo cannot load OpenGL with MUJOCO_GL={os.environ['MUJOCO_GL']} ({error}); "
+            f"MuJoCo cannot load OpenGL with MUJOCO_GL={endolock.opengl()} ({error}); "
             "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it"
         ) from error
     commands: Any = (

@@ -59,7 +59,7 @@ def main(request: Request) -> int:
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
         console.print(run.table(records))
-        console.print(f"error over time: {figure}", soft_wrap=True, highlight=False)
+        console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
     return 130 if records[-1]["interrupted"] else 0
 
 

@@ -12,24 +12,33 @@ from endolock.scripts import cli
 
 def main(args: list[str]) -> int:
     """Run the demo; `args` are further options of `endolock compare`."""
-    from endolock.scripts import compare, recorder, rrd, run, strip  # cli.guarded says what fails
+    from endolock.scripts import (  # cli.guarded says what fails
+        compare,
+        output,
+        recorder,
+        rrd,
+        run,
+        strip,
+    )
 
-    console = Console()
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
+    output.check_json(request.json)
+    console = Console(stderr=request.json == "-")
     place = request.out or recorder.new_path(Path("runs"), "demo")
     records, folders = compare.perform(request, place)
     first = folders[0]
+    results: dict[str, Path | str] = {}
     with console.status("writing errors.png, strip.png and run.rrd"):
-        errors = compare.draw(records, folders, place / "errors.png")
-        picture = strip.write(first, place / "strip.png")
+        results["error over time"] = compare.draw(records, folders, place / "errors.png")
+        if strip.pictures(first):
+            results["what the tip camera saw"] = strip.write(first, place / "strip.png")
         rrd.derive(first)
-    console.print(run.table(records))
-    for what, where in (
-        ("error over time", errors),
-        ("what the tip camera saw", picture),
-        ("look into a run", f"./run endolock view {first}"),
-    ):
-        console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+    output.write_json({"rows": records}, request.json)
+    if request.json != "-":
+        console.print(run.table(records))
+        results["look into a run"] = f"./run endolock view {first}"
+        for what, where in results.items():
+            console.print(f"{what}: {where}", soft_wrap=True, highlight=False, markup=False)
     return 130 if records[-1]["interrupted"] else 0
 
 

@@ -47,6 +47,8 @@ def main(_args: list[str]) -> int:
         with tempfile.TemporaryDirectory() as place:
             request = run.Request(scenario=name, controller=law, out=Path(place) / "run")
             record, folder = run.perform(request)
+            if record["interrupted"]:
+                raise KeyboardInterrupt
             records.append(record)
             if (name, law) == ("straight", "pi"):
                 shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / "strip.png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
@@ -17,11 +18,11 @@ def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[fl
 
     def ask(number: int, _frame: object) -> None:
         asked.append(number)
-        signal.signal(signal.SIGINT, before)  # a second one ends the program at once
 
-    before = signal.signal(signal.SIGINT, ask)
+    listening = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, ask) if listening else None
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.completed:.1f} of {task.total:g} s"),
         TimeRemainingColumn(),
@@ -47,4 +48,5 @@ def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[fl
             finally:
                 bar.update(task, completed=now)
     finally:
-        signal.signal(signal.SIGINT, before)
+        if listening:
+            signal.signal(signal.SIGINT, before)

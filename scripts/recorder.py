@@ -93,6 +93,7 @@ class _Table:
     """One growing Arrow stream."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self._path = path
         self._file = pa.OSFile(str(path), "wb")  # every write goes to the system at once
         self._schema = schema
         self._writer = pa.ipc.new_stream(self._file, schema)
@@ -104,16 +105,25 @@ class _Table:
             self.flush()
 
     def flush(self) -> None:
-        if self._rows:
-            self._writer.write_batch(pa.RecordBatch.from_pylist(self._rows, self._schema))
-            self._rows = []
+        rows, self._rows = self._rows, []
+        if not rows:
+            return
+        try:
+            self._writer.write_batch(pa.RecordBatch.from_pylist(rows, self._schema))
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {self._path}: {error.strerror or error}; make room, or give another "
+                "folder with --out"
+            ) from error
 
     def close(self) -> None:
         try:
             self.flush()
-            self._writer.close()
+            with contextlib.suppress(OSError):  # without its end mark a table reads as cut off
+                self._writer.close()
         finally:
-            self._file.close()
+            with contextlib.suppress(OSError):
+                self._file.close()
 
 
 class RunFolder:
@@ -130,13 +140,15 @@ class RunFolder:
     def __init__(self, path: Path, configuration: Mapping[str, Any]) -> None:
         self.path = path
         try:
+            text = tomli_w.dumps(_without_none(configuration)).encode()
             path.mkdir(parents=True, exist_ok=True)
             if any(path.iterdir()):
                 raise ConfigError(f"folder {path} is not empty; give a new one with --out")
-            text = tomli_w.dumps(_without_none(configuration))
-            (path / "run.toml").write_text(text, encoding="utf-8")
+            (path / "run.toml").write_bytes(text)
             self._ticks = _Table(path / "ticks.arrows", TICKS)
             self._frames = _Table(path / "frames.arrows", FRAMES)
+        except UnicodeError:
+            raise ConfigError(f"folder {str(path)!r} is no readable name; give another") from None
         except OSError as error:
             raise ConfigError(
                 f"cannot write to {path}: {error.strerror}; give another folder with --out"
@@ -230,11 +242,15 @@ def read(path: Path, table: str) -> pa.Table:
         ConfigError: there is no such table in the folder.
     """
     file = path / f"{table}.arrows"
+    wanted = {"ticks": TICKS, "frames": FRAMES}[table]
     batches: list[pa.RecordBatch] = []
     try:
+        if file.stat().st_size == 0:  # killed before the first rows
+            return wanted.empty_table()
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
-            schema = stream.schema
+            if not stream.schema.equals(wanted):
+                raise ConfigError(f"{file} is no table of {table}; give a run folder")
             # Cut off within a group of rows, the stream ends in an error: it was never complete.
             with contextlib.suppress(pa.ArrowInvalid, OSError):
                 batches.extend(iter(stream))
@@ -242,7 +258,7 @@ def read(path: Path, table: str) -> pa.Table:
         raise ConfigError(f"no run in {path}: {file.name} is missing; give a run folder") from None
     except (pa.ArrowInvalid, OSError) as error:
         raise ConfigError(f"cannot read {file}: {error}; give a run folder") from None
-    return pa.Table.from_batches(batches, schema)
+    return pa.Table.from_batches(batches, wanted)
 
 
 def configuration(path: Path) -> dict[str, Any]:
@@ -253,7 +269,10 @@ def configuration(path: Path) -> dict[str, Any]:
     """
     file = path / "run.toml"
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        told = tomllib.loads(file.read_text(encoding="utf-8"))
+        if missing := {"calibration", "board"} - told.keys():
+            raise ConfigError(f"{file} has no [{missing.pop()}]; give a run folder")
+        return told
     except FileNotFoundError:
         raise ConfigError(f"no run in {path}: run.toml is missing; give a run folder") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -54,6 +54,8 @@ def derive(folder: Path) -> Path:
         part.replace(path)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}; copy the folder first") from None
+    finally:
+        part.unlink(missing_ok=True)
     return path
 
 

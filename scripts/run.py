@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from endolock.control import laws, loop, metrics
@@ -74,7 +75,7 @@ def main(request: Request) -> int:
     output.write_json(record, request.json)
     if request.json != "-":
         console.print(table([record]))
-        console.print(f"run folder: {folder}", soft_wrap=True, highlight=False)
+        console.print(f"run folder: {folder}", soft_wrap=True, highlight=False, markup=False)
     if request.view:
         view.show(folder, console)
     return 130 if record["interrupted"] else 0
@@ -178,25 +179,34 @@ def perform(
 
 
 def table(records: list[dict[str, Any]]) -> Table:
-    """Lay run records out for people: errors in pixels, speed in simulated seconds a second."""
+    """Lay run records out for people.
+
+    Errors are in pixels, *found* is the share of frames in which the target was, *lost* that of the
+    ticks without a lock, *x* simulated seconds a second.
+    """
     title = "target off the image centre in px: now, and as seen"
     result = Table(title=title, title_justify="left")
-    headings = ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "lost", "speed")
+    headings = ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "found", "lost", "x")
     for heading in headings:
         left = heading in ("scenario", "law")
         result.add_column(heading, justify="left" if left else "right", no_wrap=True)
     for r in records:
-        error, seen = r["error_px"], r["delayed_error_px"]
+        error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
         result.add_row(
-            r["scenario"],
+            escape(r["scenario"]),
             r["controller"],
             f"{r['latency_s']:.2f} s",
-            *(_number(error[key]) for key in ("rms", "p95", "max")),
-            _number(seen["rms"]),
-            f"{100 * r['lost_fraction']:.1f} %",
-            f"{r['real_time_factor']:.1f}x",
+            *(_number(error.get(key)) for key in ("rms", "p95", "max")),
+            _number(seen.get("rms")),
+            _percent(r["detected_fraction"]),
+            _percent(r["lost_fraction"]),
+            f"{r['real_time_factor']:.1f}",
         )
     return result
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def _number(value: float | None) -> str:

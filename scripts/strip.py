@@ -16,6 +16,11 @@ WIDTH_PX = 320
 GREEN, BLUE, INK, PAPER = (80, 200, 120), (70, 130, 235), (30, 30, 34), (245, 245, 245)
 
 
+def pictures(folder: Path) -> list[dict[str, Any]]:
+    """Read the frames of a run that carry a picture."""
+    return [row for row in recorder.read(folder, "frames").to_pylist() if row["tip_jpeg"]]
+
+
 def write(folder: Path, path: Path) -> Path:
     """Draw evenly spaced pictures of a run side by side: image centre, target found, time, error.
 
@@ -26,7 +31,7 @@ def write(folder: Path, path: Path) -> Path:
     Raises:
         ConfigError: the run has no pictures.
     """
-    rows = [row for row in recorder.read(folder, "frames").to_pylist() if row["tip_jpeg"]]
+    rows = pictures(folder)
     if not rows:
         raise ConfigError(f"the run in {folder} has no pictures; run it with --vision markers")
     configuration = recorder.configuration(folder)

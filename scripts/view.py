@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
+import endolock
 from endolock.hw.api import ConfigError
 
 
@@ -38,11 +38,12 @@ def main(request: Request) -> int:
 def show(folder: Path, console: Console) -> None:
     """Open run.rrd where there is a screen; elsewhere say how to look at it."""
     path = folder / "run.rrd"
-    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
+    if not endolock.has_screen():
         console.print(
             f"no screen here; wrote {path}. Open it in a browser with: rerun {path} --serve-web",
             soft_wrap=True,
             highlight=False,
+            markup=False,
         )
         return
     subprocess.Popen([sys.executable, "-m", "rerun", str(path)], start_new_session=True)

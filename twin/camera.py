@@ -7,10 +7,12 @@ is known.
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 
 import mujoco
 
+import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 from endolock.twin import scene
 from endolock.twin.randomness import generator
@@ -29,6 +31,8 @@ class Renderer:
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._thread: int | None = None
+        self._closed = False
         self._option = mujoco.MjvOption()
         self._option.tendongroup[:] = 0  # hidden in the rings, and a third of the drawing time
         self._option.sitegroup[:] = 0
@@ -37,8 +41,17 @@ class Renderer:
         """Draw one picture, RGB; positions of bodies, cameras and lights must be current.
 
         Raises:
-            ConfigError: there is no way to render off-screen here.
+            ConfigError: there is no way to render off-screen here, the renderer is closed, or the
+                first picture was drawn in another thread.
         """
+        if self._closed:
+            raise ConfigError("this rig is closed and takes no pictures; make a new one")
+        if self._thread not in (None, threading.get_ident()):
+            raise ConfigError(
+                "pictures were drawn in another thread before; sleep on the clock of a rig in one "
+                "thread only"
+            )
+        self._thread = threading.get_ident()
         renderer = self._renderers.get((width, height))
         if renderer is None:
             renderer = self._renderers[width, height] = self._make(width, height)
@@ -51,15 +64,17 @@ class Renderer:
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers.clear()
+        self._closed = True
 
     def _make(self, width: int, height: int) -> mujoco.Renderer:
         try:
             renderer = mujoco.Renderer(self._model, height, width)
         except Exception as error:  # whatever the OpenGL platform in use raises
+            said = " ".join(str(error).split()) or type(error).__name__
             raise ConfigError(
-                f"cannot render a picture off-screen ({error or type(error).__name__}); install "
-                "EGL (Debian and Ubuntu: apt install libegl1 libgl1) and import endolock before "
-                "mujoco, or use --vision truth"
+                f"cannot render a picture off-screen with MUJOCO_GL={endolock.opengl()} ({said}); "
+                "install EGL (Debian and Ubuntu: apt install libegl1 libgl1), leave MUJOCO_GL "
+                "unset, import endolock before mujoco, or use --vision truth"
             ) from error
         renderer.scene.flags[:] = 0
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1

@@ -23,8 +23,6 @@ class TwinDrive:
         self.clock = clock
         self._plant = plant
         self._step = plant.instrument.encoder_step_rad
-        reach, speed = plant.instrument.handle_range_rad, plant.instrument.handle_speed_rad_s
-        self.limits = Limits(position_rad=((-reach, reach),) * 2, velocity_rad_s=(speed,) * 2)
         model = plant.model
         joints = [model.joint(f"handle_{axis}") for axis in AXES]
         motors = [model.actuator(f"motor_{axis}") for axis in AXES]
@@ -35,6 +33,16 @@ class TwinDrive:
         self._zero = (0.0, 0.0)
         self._torque_on(False)
 
+    @property
+    def limits(self) -> Limits:
+        """The handles' stops, counted from the present zero."""
+        instrument = self._plant.instrument
+        reach = instrument.handle_range_rad
+        return Limits(
+            position_rad=tuple((-reach - zero, reach - zero) for zero in self._zero),
+            velocity_rad_s=(instrument.handle_speed_rad_s,) * len(self.axes),
+        )
+
     def open(self) -> None:
         """Nothing to do: the twin is always there."""
 
@@ -44,7 +52,8 @@ class TwinDrive:
         if goal is not None:
             data.ctrl[self._motor] = np.add(self.quantise(goal), self._zero)
         position = data.qpos[self._position] - self._zero
-        current = data.actuator_force[self._motor] / self._plant.instrument.torque_constant
+        powered = data.actuator_force[self._motor] if self._on else np.zeros(len(AXES))
+        current = powered / self._plant.instrument.torque_constant
         t = self.clock.now()
         return Reading(
             t=t,
@@ -79,5 +88,6 @@ class TwinDrive:
     def _torque_on(self, on: bool) -> None:
         # Without torque the geared motor still brakes: of its force kp (goal - q) - kv q', the
         # second part stays. Assumed.
+        self._on = on
         kp = self._plant.instrument.handle_kp if on else 0.0
         self._plant.model.actuator_biasprm[self._motor, 1] = -kp

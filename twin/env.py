@@ -34,10 +34,10 @@ from endolock.vision import camera_model
 try:
     from dm_control.rl import control
     from dm_env import specs
-except ModuleNotFoundError as error:
+except ModuleNotFoundError:
     raise ConfigError(
-        f"endolock.twin.env needs dm-control, but {error.name} is not installed; use Python 3.11 "
-        "or 3.12, where it comes with endolock"
+        "endolock.twin.env needs dm-control, which is not installed; use Python 3.11 or 3.12, "
+        "where it comes with endolock"
     ) from None
 
 PERIOD_S = 0.020

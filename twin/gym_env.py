@@ -23,9 +23,9 @@ from endolock.twin.scenario import Scenario
 try:
     import gymnasium
     from gymnasium.vector import AsyncVectorEnv
-except ModuleNotFoundError as error:
+except ModuleNotFoundError:
     raise ConfigError(
-        f"endolock.twin.gym_env needs Gymnasium, but {error.name} is not installed; "
+        "endolock.twin.gym_env needs Gymnasium, which is not installed; "
         "use pip install 'endolock[gym]'"
     ) from None
 
@@ -110,6 +110,9 @@ class TargetLock(gymnasium.Env):  # type: ignore[misc]  # an extra, so types are
 
 def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
     """Make environments that run side by side, each in a process of its own.
+
+    A script that calls this must do so under `if __name__ == "__main__":`, as each process
+    imports it.
 
     Args:
         count: how many.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from endolock.hw.api import Plant, Pose, Vector
+from endolock.hw.api import ConfigError, Plant, Pose, Vector
 from endolock.twin import scene
 from endolock.twin import transmission as cable
 from endolock.twin.instrument import Instrument, Numerics
@@ -16,6 +16,13 @@ from endolock.twin.scenario import Scenario
 
 _FLIP = np.array([1.0, -1.0, -1.0])
 """From MuJoCo's camera axes (right, up, back) to OpenCV's (right, down, ahead), by column."""
+
+
+_UNSTABLE = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 class Snapshot(NamedTuple):
@@ -46,6 +53,8 @@ class TwinPlant:
         spec.visual.global_.offwidth = max(640, camera.width)
         spec.visual.global_.offheight = max(480, camera.height)
         spec.camera("tip").fovy = camera.fovy_deg
+        behind = scenario.board.distance_m + scene.WALL_DISTANCE_M
+        spec.geom("wall").pos[0] = scene.camera_at_rest(instrument)[0] + behind
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self._origin = scene.camera_at_rest(instrument)
@@ -85,6 +94,11 @@ class TwinPlant:
             if self.step_count % self._refresh_steps == 0:
                 self._transmission.refresh(self.data, self.shaft_bend_rad)
                 self._current_at = self.step_count
+        if any(self.data.warning[kind].number for kind in _UNSTABLE):
+            raise ConfigError(
+                f"the simulation became unstable before t = {self.t:.3f} s; use softer or heavier "
+                "parts, or a smaller timestep"
+            )
 
     def board_position(self) -> tuple[float, float, float]:
         """Present position of the board's centre in the base frame [m]."""

@@ -25,9 +25,9 @@ class Strokes(_Section):
     kind: Literal["strokes"]
     direction_deg: float = 0.0
     """In the picture: 0 right, 90 up [deg]."""
-    travel_m: float = Field(ge=0)
+    travel_m: float = Field(ge=0, le=10)
     """Longest distance from the start [m]."""
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=0.01, le=1e9)
     """Out and back [s]."""
 
     def offset(self, t: float) -> tuple[float, float]:
@@ -41,9 +41,9 @@ class Circle(_Section):
     """A circle around the optical axis at rest, clockwise in the picture, starting at its right."""
 
     kind: Literal["circle"]
-    radius_m: float = Field(ge=0)
+    radius_m: float = Field(ge=0, le=10)
     """[m]"""
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=0.01, le=1e9)
     """Once around [s]."""
 
     def offset(self, t: float) -> tuple[float, float]:
@@ -127,6 +127,8 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
         values: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"scenario {source} is not TOML: {error}; correct the file") from None
+    if "name" in values:
+        raise ConfigError(f"scenario {name}: unknown key name; the file's name is the scenario's")
     for key, value in (overrides or {}).items():
         *sections, last = key.split(".")
         place = values
@@ -136,7 +138,7 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
                 raise ConfigError(f"scenario {source}: {section} is no section; write [{section}]")
         place[last] = value
     try:
-        return Scenario.model_validate({"name": name, **values})
+        return Scenario.model_validate({**values, "name": name})
     except ValidationError as error:
         raise ConfigError(f"scenario {name}: {_first(error)}") from None
 
@@ -188,9 +190,9 @@ def _read(source: str) -> tuple[str, str]:
     if source in names():
         return (_folder() / f"{source}.toml").read_text(encoding="utf-8"), source
     path = Path(source)
-    if path.suffix == ".toml":
+    if path.suffix.lower() == ".toml":
         try:
-            return path.read_text(encoding="utf-8"), path.stem
+            return path.read_text(encoding="utf-8-sig"), path.stem
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
             raise ConfigError(f"cannot read scenario {source}: {reason}; check the path") from None

@@ -86,6 +86,5 @@ def test_the_twin_bends_nearly_with_constant_curvature(bend: tuple[float, float]
     # six alternating hinges an axis: the axes' planes lie half a pitch, 3 mm, apart along the tip,
     # which tilts by up to 0.6 rad
     assert truth.tip.position == pytest.approx(expected, abs=0.0031 * 0.6 + 1e-4)
-    assert truth.bend_rad == pytest.approx(
-        bend, abs=0.02
-    )  # rotations about two axes do not commute
+    # rotations about two axes do not commute
+    assert truth.bend_rad == pytest.approx(bend, abs=0.02)

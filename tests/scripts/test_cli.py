@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from endolock.scripts import cli, recorder
+from endolock.hw.api import ConfigError, DeviceFault
+from endolock.scripts import cli, demo, recorder
 
 RUN_KEYS = [
     "scenario",
@@ -139,12 +140,73 @@ def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
     environment = {**os.environ, "MUJOCO_GL": "egl", "MUJOCO_EGL_DEVICE_ID": "99"}
     done = _endolock("run", "rest", "--out", str(tmp_path / "run"), env=environment)
     assert done.returncode == 2
-    assert done.stderr.startswith("endolock: cannot render a picture off-screen (")
+    assert done.stderr.startswith(
+        "endolock: cannot render a picture off-screen with MUJOCO_GL=egl ("
+    )
     assert "apt install libegl1 libgl1" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "run").exists()
     args = [*QUICK, "--out", str(tmp_path / "run")]
     assert _endolock(*args, env=environment).returncode == 0  # truth needs no picture
+
+
+@pytest.mark.parametrize("value", ["foo", "osmesa"])
+def test_another_opengl_that_fails_is_named(value: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "MUJOCO_GL": value}
+    done = _endolock("run", "rest", "--out", str(tmp_path / "run"), env=environment)
+    if value == "osmesa" and done.returncode == 0:
+        return  # it is installed here, and works
+    assert done.returncode == 2
+    assert f"MUJOCO_GL={value}" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (DeviceFault("motor 2 is hot; let it cool", kind="overheat", t=1.0), 3),
+        (ConfigError("wanted this, got that"), 2),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_each_kind_of_error_has_its_exit_code(
+    error: BaseException, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_args: list[str]) -> int:
+        raise error
+
+    assert cli.guarded(fail, []) == code
+    assert capsys.readouterr().err == f"endolock: {str(error) or 'interrupted'}\n"
+
+
+def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "endolock.scripts.cli", *QUICK, "--json", "-"]
+    with subprocess.Popen(
+        [*command, "--out", str(tmp_path / "run")], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.close()
+        said = process.stderr.read().decode()
+    assert process.returncode == 0
+    assert "Traceback" not in said
+
+
+def test_odd_names_are_printed_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "p[red]q[/x]"
+    assert cli.main([*QUICK, "--out", str(out)]) == 0
+    assert f"run folder: {out}" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_the_demo_shows_two_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert demo.main(["--duration-s", "1", "--out", str(tmp_path / "demo")]) == 0
+    said = capsys.readouterr().out
+    assert " pi " in said
+    assert " ik " in said
+    for name in ("errors.png", "strip.png", "straight-pi", "straight-ik"):
+        assert (tmp_path / "demo" / name).exists()
 
 
 def test_interrupted_it_holds_and_closes_the_folder(tmp_path: Path) -> None:

@@ -1,8 +1,13 @@
 """The run folder: what goes in comes out, also when it was cut off anywhere."""
 
+import math
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -104,3 +109,60 @@ def test_a_run_without_pictures_has_no_strip(tmp_path: Path) -> None:
     rrd.derive(path)
     with pytest.raises(ConfigError, match="has no pictures; run it with --vision markers"):
         strip.write(path, tmp_path / "strip.png")
+
+
+def test_the_recording_shows_what_the_tables_say(folder: Path) -> None:
+    import rerun.chunk as chunk
+
+    store = chunk.RrdReader(str(rrd.derive(folder))).stream().collect()
+    values: dict[str, list[pa.RecordBatch]] = {}
+    for piece in store.stream():
+        batch = piece.to_record_batch()
+        values.setdefault(str(piece.entity_path), []).append(batch)
+    ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
+    handle = _column(values["/handles/left_right/measured"], "Scalars:scalars")
+    expected = [math.degrees(row[1]) for row in ticks["position_rad"].to_pylist()]
+    assert handle == pytest.approx(expected)
+    turned = _column(values["/world/tip"], "Transform3D:quaternion")
+    w, x, y, z = frames["tip_pose"][-1].as_py()[3:]
+    assert turned[-4:] == pytest.approx([x, y, z, w], abs=1e-6)  # Rerun keeps single precision
+
+
+def _column(batches: list[pa.RecordBatch], name: str) -> list[float]:
+    """Numbers of one component, flat."""
+    found = [batch.column(name) for batch in batches if name in batch.schema.names]
+    return [float(v) for column in found for v in np.ravel(column.to_pylist())]
+
+
+def test_rerun_itself_verifies_the_recording(folder: Path) -> None:
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(rrd.derive(folder))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("table", ["ticks", "frames"])
+def test_a_table_without_a_row_yet_is_empty(table: str, tmp_path: Path) -> None:
+    (tmp_path / f"{table}.arrows").write_bytes(b"")
+    assert len(recorder.read(tmp_path, table)) == 0
+
+
+def test_a_table_in_the_place_of_another_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "ticks.arrows").write_bytes((folder / "frames.arrows").read_bytes())
+    with pytest.raises(ConfigError, match=r"ticks.arrows is no table of ticks; give a run folder"):
+        recorder.read(tmp_path, "ticks")
+
+
+def test_a_full_disk_is_said_in_one_line(tmp_path: Path) -> None:
+    """A limit on the size of files stands for it."""
+    code = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)); "
+        "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "from endolock.scripts import cli; sys.exit(cli.main(sys.argv[1:]))"
+    )
+    out = tmp_path / "run"
+    command = [sys.executable, "-c", code, "run", "rest", "--duration-s", "5", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert f"endolock: cannot write {out}/frames.arrows" in done.stderr
+    assert len(recorder.read(out, "frames")) > 3

@@ -10,11 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endolock.hw.api import Command
-from endolock.twin import scenario
+from endolock.twin import scenario, scene
 from endolock.twin.instrument import Instrument
 from endolock.twin.plant import TwinPlant
 from endolock.twin.rig import TwinRig
-from endolock.twin.transmission import friction_ratio, rest_slide, spring_stiffness
+from endolock.twin.transmission import (
+    ROW_SOFTNESS,
+    WIRES,
+    friction_ratio,
+    rest_slide,
+    spring_stiffness,
+)
 
 INSTRUMENT = Instrument()
 
@@ -139,14 +145,56 @@ def test_a_held_handle_holds_the_tip() -> None:
 
 
 def test_slack_wires_leave_a_dead_handle() -> None:
+    """Up to slack / r_p = 0.1 rad the handle only takes up slack; beyond it the tip follows."""
     slack = replace(INSTRUMENT, slack_m=0.0005)
-    rig = TwinRig("rest", instrument=slack, pictures=False)
+    handle, bend = _slow_stroke(TwinRig("rest", instrument=slack, pictures=False), 0.15)
+    dead, live = handle < 0.095, handle > 0.11
+    assert handle.max() > 0.14
+    assert np.abs(bend[dead]).max() < 1e-4  # friction of 1e-6 N drags a little
+    assert bend[live].min() > 1e-3
+
+
+def test_the_loop_has_the_width_it_was_calibrated_to() -> None:
+    """With the shaft bent 180 deg and the tip 30 deg, w = 0.2 of 180 deg (thesis ch. 6)."""
+    rig = TwinRig("rest", pictures=False)
     with rig:
         rig.actuators.enable()
-        rig.actuators.exchange(Command(position=(0.08, 0.0), valid_for=9.0))  # 0.4 mm of travel
-        rig.clock.sleep_until(1.0)
-        # the node's friction of some 1e-6 N may drag the wire; nothing bends
-        assert abs(rig.truth.now().plant.bend_rad[0]) < 1e-4
+        loop = []
+        for n in range(1125):  # a quarter of a 10 s triangle, then two whole ones
+            phase = (0.02 * n / 10 + 0.25) % 1
+            goal = 1.6 * (1 - abs(4 * phase - 2))
+            state = rig.actuators.exchange(Command(position=(goal, 0.0)))
+            rig.clock.sleep_until(0.02 * (n + 1))
+            loop.append((state.position[0], rig.truth.now().plant.bend_rad[0]))
+    handle, bend = np.array(loop[625:]).T  # from one crest to the next
+    falling, rising = slice(0, 250), slice(250, 500)
+    at_30_deg = pi / 6
+    going_back = np.interp(-at_30_deg, -bend[falling], handle[falling])
+    coming_up = np.interp(at_30_deg, bend[rising], handle[rising])
+    # 10 %: w has one digit in the excerpt
+    assert (coming_up - going_back) / pi == pytest.approx(0.20, abs=0.02)
+
+
+def test_the_nodes_friction_rows_are_stiffened() -> None:
+    """Without it a node under load creeps by degrees a minute."""
+    built = scene.build().compile()
+    rows = [int(built.joint(f"slide_{wire}").dofadr[0]) for wire in WIRES]
+    kept = TwinRig("rest", pictures=False).plant.model
+    ratio = kept.dof_invweight0[rows] / built.dof_invweight0[rows]
+    assert ratio == pytest.approx([ROW_SOFTNESS] * 4)
+
+
+def _slow_stroke(rig: TwinRig, end_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    """Turn up_down from 0 to an angle in 4 s; return handle angles and bends [rad]."""
+    rows = []
+    with rig:
+        rig.actuators.enable()
+        for n in range(200):
+            state = rig.actuators.exchange(Command(position=(end_rad * n / 199, 0.0)))
+            rows.append((state.position[0], rig.truth.now().plant.bend_rad[0]))
+            rig.clock.sleep_until(0.02 * (n + 1))
+    handle, bend = np.array(rows).T
+    return handle, bend
 
 
 def _plant() -> TwinPlant:
