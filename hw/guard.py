@@ -104,12 +104,10 @@ class Guard:
         self._history = History()
         self._mode = Mode.DISCONNECTED
         self._fault: HardwareError | None = None
-        self._goal: tuple[float, ...] = ()
-        """What the device is told, """
-        self._wanted: tuple[float, ...] = ()
-        """where that shall go within limits, """
+        # What was asked for, that within the limits, and how far the goal has come towards it.
         self._asked: tuple[float, ...] = ()
-        """and what was asked for."""
+        self._wanted: tuple[float, ...] = ()
+        self._goal: tuple[float, ...] = ()
         self._expires = self._slewed_at = self._fresh_at = 0.0
         self._off_since: list[float | None] = [None] * len(drive.axes)
         self._seq = 0

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -182,11 +183,22 @@ def table(records: list[dict[str, Any]]) -> Table:
     """Lay run records out for people.
 
     Errors are in pixels, *found* is the share of frames in which the target was, *lost* that of the
-    ticks without a lock, *x* simulated seconds a second.
+    ticks without a lock, *speed* simulated seconds a second.
     """
     title = "target off the image centre in px: now, and as seen"
-    result = Table(title=title, title_justify="left")
-    headings = ("scenario", "law", "latency", "rms", "p95", "max", "seen rms", "found", "lost", "x")
+    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    headings = (
+        "scenario",
+        "law",
+        "latency",
+        "rms",
+        "p95",
+        "max",
+        "seen rms",
+        "found",
+        "lost",
+        "speed",
+    )
     for heading in headings:
         left = heading in ("scenario", "law")
         result.add_column(heading, justify="left" if left else "right", no_wrap=True)
@@ -200,7 +212,7 @@ def table(records: list[dict[str, Any]]) -> Table:
             _number(seen.get("rms")),
             _percent(r["detected_fraction"]),
             _percent(r["lost_fraction"]),
-            f"{r['real_time_factor']:.1f}",
+            f"{r['real_time_factor']:.1f}x",
         )
     return result
 
