@@ -46,10 +46,10 @@ apart() {
 # inside WHO COMMAND...: runs it in the bare machine, in the clone, with nothing of our environment but
 # what leads to PyPI.
 inside() {
-    who=$1
+    as=$1
     shift
     # shellcheck disable=SC2016
-    apart "$root/proc" chroot --userspec="$who" "$root" env -i HOME="$home" LC_ALL=C.UTF-8 \
+    apart "$root/proc" chroot --userspec="$as" "$root" env -i HOME="$home" LC_ALL=C.UTF-8 \
         PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         sh -c '. /etc/way_out.sh && cd "$HOME/endolock" && exec "$@"' sh "$@"
 }
@@ -76,6 +76,7 @@ bare_root() {
     [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/"
     apt-config dump Acquire | grep -v IndexTargets >"$root/etc/apt/apt.conf.d/way_out"
     way_out "$home" >"$root/etc/way_out.sh"
+    chmod 1777 "$root/dev/shm" # as where it is mounted
     [ "$who" = root ] || chroot "$root" useradd --create-home --shell /bin/sh "$who"
     [ "$case" != sudo ] || printf '%s\n' 'Defaults env_keep += "http_proxy https_proxy no_proxy"' \
         "$who ALL=(ALL) NOPASSWD: ALL" >"$root/etc/sudoers.d/$who"
@@ -113,11 +114,11 @@ bare() {
     before=$(installed_mb)
     say "$label: bare machine: $before MB, $(chroot "$root" python3 -V)"
     if [ "$case" = user ]; then
-        timed "./run demo, which must refuse" refused python3-venv
+        timed "./run demo, refused" refused python3-venv
         [ ! -e "$clone/.venv" ] || fail "$label: ./run left something behind"
-        timed "an administrator installs it" install python3-venv
-        timed "./run demo, which must refuse" refused libegl1 libgl1
-        timed "an administrator installs it" install libegl1 libgl1
+        timed "an administrator installs python3-venv" install python3-venv
+        timed "./run demo, refused" refused libegl1 libgl1
+        timed "an administrator installs libegl1 libgl1" install libegl1 libgl1
     fi
     timed "./run demo" inside "$who" ./run demo
     timed "./run test" inside "$who" ./run test -q

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     exec(compile(example, "README.md", "exec"), {})
-    assert "'rms':" in capsys.readouterr().out
+    assert 0 < float(capsys.readouterr().out) < 640  # an error within the picture
 
 
 @pytest.mark.parametrize("law", ["pi", "ik"])

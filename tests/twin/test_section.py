@@ -113,7 +113,9 @@ def test_files_keep_to_their_columns() -> None:
     [
         ({"conduit_friction": -0.1}, "instrument: conduit_friction is -0.1; use more than zero"),
         ({"wire_stiffness": 0.0}, "instrument: wire_stiffness is 0; use more than zero"),
-        ({"tip_mass_kg": float("nan")}, "instrument: tip_mass_kg is nan; use more than zero"),
+        ({"tip_mass_kg": float("nan")}, "instrument: tip_mass_kg is nan; use a finite number"),
+        ({"slack_m": float("inf")}, "instrument: slack_m is inf; use a finite number"),
+        ({"damping_time_s": 0.02}, "instrument: damping_time_s 0.02 would delay the tip"),
         ({"wire_radius_m": 0.005}, "wire_radius_m 0.005 does not fit into an outer diameter"),
     ],
 )
