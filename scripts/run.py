@@ -182,11 +182,11 @@ def perform(
 def table(records: list[dict[str, Any]]) -> Table:
     """Lay run records out for people.
 
-    Errors are in pixels, *found* is the share of frames in which the target was, *lost* that of the
-    ticks without a lock, *speed* simulated seconds a second.
+    Errors are in pixels, *seen* is the rms of what vision saw, *found* the share of frames in which
+    the target was, *lost* that of the ticks without a lock, *speed* simulated seconds a second.
     """
-    title = "target off the image centre in px: now, and as seen"
-    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    title = "target off the image centre in px: now, and (rms) as seen"
+    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     headings = (
         "scenario",
         "law",
@@ -194,7 +194,7 @@ def table(records: list[dict[str, Any]]) -> Table:
         "rms",
         "p95",
         "max",
-        "seen rms",
+        "seen",
         "found",
         "lost",
         "speed",
