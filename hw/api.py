@@ -25,9 +25,6 @@ Vector = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 
-# --- errors ---------------------------------------------------------------------------------------
-
-
 class EndolockError(Exception):
     """Root of all errors a user can meet; the text says what was wanted, what came, what to do."""
 
@@ -78,9 +75,6 @@ class DeviceFault(HardwareError):
         self.kind = kind
 
 
-# --- time -----------------------------------------------------------------------------------------
-
-
 class Clock(Protocol):
     """The one clock that stamps frames and states; sleeping on it lets the world move on."""
 
@@ -97,9 +91,6 @@ class Clock(Protocol):
 
     def sleep_until(self, t: float) -> float:
         """Return at `t` [s], or at once if it has passed; on a grid, at the first point >= `t`."""
-
-
-# --- handles --------------------------------------------------------------------------------------
 
 
 class Mode(StrEnum):
@@ -240,9 +231,6 @@ class Actuators(Protocol):
         """Close, without hiding an exception on its way out."""
 
 
-# --- pictures -------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """Pinhole camera: a point (x, y, z) in camera axes is seen at (cx + f x/z, cy + f y/z) px."""
@@ -308,9 +296,6 @@ class BoardGeometry:
         h = self.marker_size_m / 2
         square = np.array([[-h, -h, 0], [h, -h, 0], [h, h, 0], [-h, h, 0]])
         return {marker: square + [x, y, 0] for marker, x, y in self.markers}
-
-
-# --- poses and truth ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,7 +52,7 @@ def main(_args: list[str]) -> int:
             records.append(record)
             if (name, law) == ("straight", "pi"):
                 shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / "strip.png")
-    (ROOT / "docs" / "results.md").write_text(HEAD + _markdown(records), encoding="utf-8")
+    (ROOT / "docs" / "results.md").write_text(f"{HEAD}\n{_markdown(records)}", encoding="utf-8")
     return 0
 
 
