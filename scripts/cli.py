@@ -34,7 +34,9 @@ def main(args: Sequence[str] | None = None) -> int:
 def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
     """Call a command with its words; turn every error a user can meet into a line and a code."""
     try:
-        return call(args)
+        code = call(args)
+        sys.stdout.flush()  # here, where a reader that has gone is no error yet
+        return code
     except HardwareError as error:
         return _fail(str(error), 3)
     except EndolockError as error:
