@@ -57,7 +57,7 @@ class Seen:
     frame: Frame
     observation: Observation
     overview: Frame | None
-    """Picture of the fixed camera, the newest when this frame was delivered."""
+    """The fixed camera's newest picture when this frame was delivered, if not seen before."""
     truth: TruthSample | None
     """The truth at the exposure; None on hardware."""
 
@@ -160,7 +160,7 @@ def run(
     start = rig.clock.now()
     before = rig.camera.latest()  # what arrived before the run is none of its business
     stale = before is not None and before.t_available < start
-    status, newest = Status.SEARCHING, before.seq if before and stale else -1
+    status, newest, shown = Status.SEARCHING, before.seq if before and stale else -1, -1
     try:
         for t, skipped in ticks(rig.clock, period_s, start + duration_s):
             state = actuators.exchange(command)
@@ -170,10 +170,14 @@ def run(
                 newest = frame.seq
                 observation = eyes(frame)
                 status = observation.status
+                overview = rig.overview.latest() if rig.overview else None
+                if overview is not None and overview.seq == shown:
+                    overview = None
+                shown = overview.seq if overview else shown
                 seen = Seen(
                     frame=frame,
                     observation=observation,
-                    overview=rig.overview.latest() if rig.overview else None,
+                    overview=overview,
                     truth=truth.at_exposure(frame.seq) if truth else None,
                 )
                 if recorder:

@@ -24,7 +24,9 @@ from endolock.twin.scenario import Scenario
 from endolock.twin.truth import TwinTruth
 
 OVERVIEW_SIZE = (480, 360)
-"""Pictures of the fixed camera, width and height [px]: for people, so half the price will do."""
+OVERVIEW_EVERY = 2
+"""Pictures of the fixed camera, width and height [px], one for so many of the tip camera's: for
+people, so a quarter of the price will do."""
 
 
 class TwinClock:
@@ -162,7 +164,7 @@ class TwinRig:
             self.plant.draw_board()
             video, data = self.scenario.camera, self.plant.data
             image = self._renderer.draw(data, self._tip, video.width, video.height)
-            if self.overview:
+            if self.overview and seq % OVERVIEW_EVERY == 0:
                 fixed = self._renderer.draw(data, self._fixed, *OVERVIEW_SIZE)
                 self.overview.send(seq, t, fixed)
         self.camera.send(seq, available, image)
