@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
-from endolock.hw.api import Clock, Command, ConfigError, Frame, Mode, Rig, State, TruthSample
+from endolock.hw.api import Clock, Command, ConfigError, Frame, Rig, State, TruthSample
 from endolock.vision.observation import Eyes, Observation, Status
 
 PERIOD_S = 0.020
@@ -154,8 +154,8 @@ def run(
     result = Run()
     actuators, truth = rig.actuators, rig.truth
     actuators.connect()
-    driven = actuators.mode in (Mode.ENABLED, Mode.HOLDING)
-    controller.reset(actuators.exchange(None) if driven else actuators.enable())
+    mode = actuators.mode
+    controller.reset(actuators.exchange(None) if mode.driven else actuators.enable())
     command: Command | None = None
     start = rig.clock.now()
     before = rig.camera.latest()  # what arrived before the run is none of its business

@@ -106,6 +106,11 @@ class Mode(StrEnum):
     FAULT = "fault"
     """Goal frozen by a latched fault, until `clear_fault()` and `enable()`."""
 
+    @property
+    def driven(self) -> bool:
+        """Whether the goal is in force and may be moved."""
+        return self in (Mode.ENABLED, Mode.HOLDING)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:

@@ -188,7 +188,7 @@ class Guard:
             self._accept(command, now)
         elif self._mode is Mode.ENABLED and now > self._expires:
             self._freeze()
-        driven = self._mode in (Mode.ENABLED, Mode.HOLDING)
+        driven = self._mode.driven
         clipped = self._slew(now) if driven else (0,) * len(self.axes)
         try:
             reading = self._drive.transfer(self._goal if driven else None)
@@ -248,7 +248,7 @@ class Guard:
             error.add_note(f"and the handles could not be closed: {second}")
 
     def _accept(self, command: Command, now: float) -> None:
-        if self._mode not in (Mode.ENABLED, Mode.HOLDING):
+        if not self._mode.driven:
             raise self._state_error(f"cannot move while {self._mode}; call enable() first")
         position = tuple(float(p) for p in command.position)
         if len(position) != len(self.axes):
@@ -341,7 +341,6 @@ class Guard:
             fault.add_note(f"and the handles could not be told to hold: {second}")
 
     def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
-        driven = self._mode in (Mode.ENABLED, Mode.HOLDING)
         state = State(
             t=reading.t,
             t_err=reading.t_err,
@@ -349,7 +348,7 @@ class Guard:
             position=reading.position,
             velocity=reading.velocity,
             current=reading.current,
-            target=self._drive.quantise(self._goal) if driven else reading.position,
+            target=self._drive.quantise(self._goal) if self._mode.driven else reading.position,
             clipped=clipped,
             fresh=reading.fresh,
             mode=self._mode,

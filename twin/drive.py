@@ -30,18 +30,8 @@ class TwinDrive:
         self._velocity = np.array([int(j.dofadr[0]) for j in joints])
         self._motor = np.array([m.id for m in motors])
         self._setpoint = np.array([int(m.actadr[0]) for m in motors])
-        self._zero = (0.0, 0.0)
+        self._count_from((0.0, 0.0))
         self._torque_on(False)
-
-    @property
-    def limits(self) -> Limits:
-        """The handles' stops, counted from the present zero."""
-        instrument = self._plant.instrument
-        reach = instrument.handle_range_rad
-        return Limits(
-            position_rad=tuple((-reach - zero, reach - zero) for zero in self._zero),
-            velocity_rad_s=(instrument.handle_speed_rad_s,) * len(self.axes),
-        )
 
     def open(self) -> None:
         """Nothing to do: the twin is always there."""
@@ -79,11 +69,21 @@ class TwinDrive:
     def zero(self) -> None:
         """Make the present position the zero of both axes."""
         x, y = self.quantise(tuple(self._plant.data.qpos[self._position].tolist()))
-        self._zero = (x, y)
+        self._count_from((x, y))
 
     def close(self) -> None:
         """Torque off."""
         self._torque_on(False)
+
+    def _count_from(self, zero: tuple[float, float]) -> None:
+        """Set the zero, and with it what the handles' stops are counted from."""
+        self._zero = zero
+        reach = self._plant.instrument.handle_range_rad
+        speed = self._plant.instrument.handle_speed_rad_s
+        self.limits = Limits(
+            position_rad=tuple((-reach - z, reach - z) for z in zero),
+            velocity_rad_s=(speed,) * len(self.axes),
+        )
 
     def _torque_on(self, on: bool) -> None:
         # Without torque the geared motor still brakes: of its force kp (goal - q) - kv q', the
