@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from math import atan2, copysign, hypot
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -312,6 +313,19 @@ class Pose:
     """[m]"""
     quaternion: tuple[float, float, float, float]
     """Scalar first, base_from_body."""
+
+    @property
+    def rotation_vector(self) -> tuple[float, float, float]:
+        """The orientation as axis times angle [rad], at most pi long.
+
+        Its first two components are the bend of a section whose tip this is.
+        """
+        w, x, y, z = self.quaternion
+        size = hypot(x, y, z)
+        if size == 0.0:
+            return 0.0, 0.0, 0.0
+        scale = 2 * atan2(copysign(size, w), abs(w)) / size
+        return scale * x, scale * y, scale * z
 
 
 class PoseTracker(Protocol):

@@ -35,7 +35,8 @@ class Request:
     """Run one control law on one scenario and write a run folder."""
 
     scenario: tyro.conf.Positional[str]
-    """straight, circle, rest, or a TOML file of the same form."""
+    """straight, circle, triangle, random, close, jump, roll, push, breathing, shaft_loop,
+    occlusion, rest, or a TOML file of the same form."""
     controller: str = "pi"
     """Control law: pi or ik."""
     rig: str = "twin"

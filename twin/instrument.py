@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi
+from typing import Any, ClassVar
 
 from endolock.hw.api import ConfigError
+
+SIGNED = ("slack_m", "misalignment_rad")
+MAY_BE_ZERO = (
+    *SIGNED,
+    "conduit_friction",
+    "section_friction",
+    "sheath_friction_nm",
+    "slack_loss_m_per_rad",
+)
+"""Parameters that may be negative, or zero; all others are above zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,6 +29,8 @@ class Instrument:
     Raises:
         ConfigError: a value is outside the range that its description states.
     """
+
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
 
     bending_length_m: float = 0.075
     """From the base to the last ring, along the backbone [m], > 0. Assumed, somewhat less than the
@@ -37,13 +50,22 @@ class Instrument:
     """All rings together [kg], > 0. Assumed: a solid rod of this size at 2.1 g/cm3."""
     tip_mass_kg: float = 0.003
     """Rigid tip with its camera [kg], > 0. Assumed."""
+    sheath_friction_nm: float = 0.0
+    """Dry friction of the sheath against bending, per axis [N m], >= 0. Assumed: none."""
+    misalignment_rad: float = 0.0
+    """The camera is turned about the optical axis against the wires, clockwise as it looks [rad],
+    within +-pi. Assumed: not at all."""
 
     wire_stiffness: float = 4000.0
     """One wire with its conduit, end to end, without friction [N/m], > 0. Assumed."""
     slack_m: float = -0.00375
-    """Free length of each wire at rest [m]; negative is pretension, here 15 N. Assumed."""
+    """Free length of each wire at rest, shaft straight [m]; negative is pretension, here 15 N.
+    Assumed."""
+    slack_loss_m_per_rad: float = 0.0
+    """So much free length the bend of the shaft takes from each wire [m/rad], >= 0. Assumed: none;
+    with some, a slack wire becomes a tight one on the way, the two regions of thesis eq. 3.29."""
     conduit_friction: float = 0.16
-    """Wire against conduit along the shaft, Coulomb [1], > 0. Assumed, of 0.1-0.2."""
+    """Wire against conduit along the shaft, Coulomb [1], >= 0. Assumed, of 0.1-0.2."""
     section_friction: float = 0.2
     """Wire against the rings of the bending section, Coulomb [1], >= 0. Assumed."""
     residual_wrap_rad: float = 1.0
@@ -73,10 +95,10 @@ class Instrument:
         for name, value in vars(self).items():
             if not isfinite(value):
                 raise ConfigError(f"instrument: {name} is {value:g}; use a finite number")
-            if value < 0 and name != "slack_m":
+            if value < 0 and name in MAY_BE_ZERO and name not in SIGNED:
+                raise ConfigError(f"instrument: {name} is {value:g}; use zero or more")
+            if value <= 0 and name not in MAY_BE_ZERO:
                 raise ConfigError(f"instrument: {name} is {value:g}; use more than zero")
-            if value == 0 and name not in ("slack_m", "section_friction"):
-                raise ConfigError(f"instrument: {name} is 0; use more than zero")
         if self.damping_time_s > 0.01:
             raise ConfigError(
                 f"instrument: damping_time_s {self.damping_time_s:g} would delay the tip; use at "
@@ -88,10 +110,19 @@ class Instrument:
                 f"diameter of {self.outer_diameter_m:g} m; use less than half of it"
             )
 
-    @property
-    def pretension_n(self) -> float:
-        """Tension of every wire at rest, handles at zero, without friction [N]."""
-        return max(0.0, -self.slack_m * self.wire_stiffness)
+        if abs(self.misalignment_rad) > pi:
+            raise ConfigError(
+                f"instrument: misalignment_rad is {self.misalignment_rad:g}; use -pi to pi, in "
+                "radians"
+            )
+
+    def slack_at(self, shaft_bend_rad: float) -> float:
+        """Free length of each wire at rest with the shaft bent [m]; negative is pretension."""
+        return self.slack_m - self.slack_loss_m_per_rad * abs(shaft_bend_rad)
+
+    def wrap_at(self, shaft_bend_rad: float) -> float:
+        """Total absolute curvature of the bent shaft [rad], the residual included."""
+        return self.residual_wrap_rad + abs(shaft_bend_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,8 +133,12 @@ class Numerics:
     """Hinges in all, alternating up_down and left_right; an even number, 2 or more."""
     timestep_s: float = 0.002
     """Physics step [s]; the friction refresh of 10 ms is a multiple of it."""
+    nodes: int = 1
+    """Friction nodes per wire, 1 to 8: one is exact at the section, several also at the handle."""
 
     def __post_init__(self) -> None:
+        if not 1 <= self.nodes <= 8:
+            raise ConfigError(f"numerics: {self.nodes} friction nodes per wire; use 1 to 8")
         if self.hinges < 2 or self.hinges % 2:
             raise ConfigError(f"numerics: {self.hinges} hinges; use an even number, 2 or more")
         steps = 0.010 / self.timestep_s if self.timestep_s > 0 else 0
@@ -111,3 +146,11 @@ class Numerics:
             raise ConfigError(
                 f"numerics: timestep {self.timestep_s:g} s; use 0.010 s divided by a whole number"
             )
+
+
+NUMERICS = {
+    "default": Numerics(),
+    "fast": Numerics(hinges=10, timestep_s=0.005),
+    "fidelity": Numerics(hinges=16, timestep_s=0.001, nodes=3),
+}
+"""The presets; any of them goes with any instrument."""

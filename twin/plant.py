@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import cos, sin
 from typing import NamedTuple
 
 import mujoco
@@ -11,12 +11,12 @@ import numpy as np
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
 from endolock.twin import scene
 from endolock.twin import transmission as cable
+from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.scenario import Scenario
 
-_FLIP = np.array([1.0, -1.0, -1.0])
-"""From MuJoCo's camera axes (right, up, back) to OpenCV's (right, down, ahead), by column."""
-
+GRAVITY = (0.0, 0.0, -9.81)
+"""In world axes, where a scenario has it [m/s2]."""
 
 _UNSTABLE = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -29,10 +29,10 @@ class Snapshot(NamedTuple):
     """Raw copies out of the physics, in world axes, taken where working them out would cost."""
 
     t: float
-    camera_position: Vector
-    camera_matrix: Vector
+    tip: Vector
+    base: Vector
     backbone: Vector
-    tensions: list[float]
+    tensions: tuple[list[float], list[float]]
     board: tuple[float, float, float]
 
 
@@ -40,44 +40,51 @@ class TwinPlant:
     """Section, wires, handles and board of one scenario.
 
     Args:
-        scenario: tells the bend of the shaft and how the board moves.
+        scenario: tells what happens to shaft, tip and board.
         instrument: what the section is made of.
         numerics: how finely it is simulated.
+        seed: of what is random in the scenario.
     """
 
-    def __init__(self, scenario: Scenario, instrument: Instrument, numerics: Numerics) -> None:
+    def __init__(
+        self, scenario: Scenario, instrument: Instrument, numerics: Numerics, seed: int
+    ) -> None:
         self.instrument = instrument
-        self._scenario = scenario
-        spec = scene.build(instrument, numerics)
+        self.course = Course(scenario, seed)
+        self._distance_m = scenario.board.distance_m
+        plates = tuple(occluder.size_m for occluder in scenario.occluder)
+        spec = scene.build(instrument, numerics, occluders=plates)
         camera = scenario.camera
         spec.visual.global_.offwidth = max(640, camera.width)
         spec.visual.global_.offheight = max(480, camera.height)
         spec.camera("tip").fovy = camera.fovy_deg
-        behind = scenario.board.distance_m + scene.WALL_DISTANCE_M
-        spec.geom("wall").pos[0] = scene.camera_at_rest(instrument)[0] + behind
+        if scenario.gravity:
+            spec.option.gravity = GRAVITY
+        self._origin = scene.camera_at_rest(instrument)
+        behind = self._distance_m + scene.WALL_DISTANCE_M
+        spec.geom("wall").pos[0] = self._origin[0] + behind
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._origin = scene.camera_at_rest(instrument)
-        self._tip = scene.camera_id(self.model, "tip")
         model = self.model
-        rings = [model.body(i).id for i in range(model.nbody) if "ring_" in model.body(i).name]
-        self._backbone = [model.body("base").id, *rings, model.body("tip").id]
-        self._transmission = cable.Transmission(model, instrument)
+        self._tip, self._base = model.body("tip").id, model.body("base").id
+        rings = [f"ring_{n}" for n in range(1, numerics.hinges + 1)]
+        self._backbone = [model.body(name).id for name in ("base", *rings, "tip")]
+        self._turning = int(model.body("base").mocapid[0])
+        self._moving = [int(model.body("target").mocapid[0])]
+        self._moving += [
+            int(model.body(f"occluder_{n + 1}").mocapid[0]) for n in range(len(plates))
+        ]
+        self._transmission = cable.Transmission(model, self.data, instrument)
         self._refresh_steps = round(cable.REFRESH_S / model.opt.timestep)
 
         mujoco.mj_resetDataKeyframe(model, self.data, model.key("home").id)
-        slide = cable.rest_slide(instrument, self.shaft_bend_rad)
-        for wire in cable.WIRES:
-            self.data.joint(f"slide_{wire}").qpos = slide
+        slides = cable.rest_slides(instrument, numerics.nodes, self.course.shaft_bend_rad(0.0))
+        for n, slide in enumerate(slides, 1):
+            for wire in cable.WIRES:
+                self.data.joint(f"slide_{wire}_{n}").qpos = slide
         self.step_count = 0
         self.timestep_s = float(model.opt.timestep)
-        self._transmission.refresh(self.data, self.shaft_bend_rad)
-        self._current_at = 0
-
-    @property
-    def shaft_bend_rad(self) -> float:
-        """Present bend of the shaft [rad]."""
-        return radians(self._scenario.shaft_bend_deg)
+        self.refresh()
 
     @property
     def t(self) -> float:
@@ -92,38 +99,46 @@ class TwinPlant:
             mujoco.mj_step(self.model, self.data, n)
             self.step_count += n
             if self.step_count % self._refresh_steps == 0:
-                self._transmission.refresh(self.data, self.shaft_bend_rad)
-                self._current_at = self.step_count
+                self.refresh()
         if any(self.data.warning[kind].number for kind in _UNSTABLE):
             raise ConfigError(
                 f"the simulation became unstable before t = {self.t:.3f} s; use softer or heavier "
                 "parts, or a smaller timestep"
             )
 
+    def refresh(self) -> None:
+        """Let shaft, tip force and wire friction follow time and state, as every 10 ms."""
+        course, t = self.course, self.t
+        if course.turns:
+            half = course.shaft_roll_rad(t) / 2
+            self.data.mocap_quat[self._turning] = cos(half), sin(half), 0.0, 0.0
+        if course.pushes:
+            force = scene.WORLD_FROM_BASE @ course.tip_force(t)
+            self.data.xfrc_applied[self._tip, :3] = force
+        self._transmission.refresh(course.shaft_bend_rad(t))
+        self._current_at = self.step_count
+
     def board_position(self) -> tuple[float, float, float]:
         """Present position of the board's centre in the base frame [m]."""
-        right, down = self._scenario.offset(self.t)
-        return right, down, self._scenario.board.distance_m
+        return (*self.course.board(self.t), self._distance_m)
 
     def draw_board(self) -> None:
-        """Put the board and its picture's camera and lights where they are now, for rendering."""
-        self.data.mocap_pos[0] = self._origin + scene.WORLD_FROM_BASE @ self.board_position()
+        """Put board and occluders, cameras and lights where they are now, for rendering."""
+        places = [self.board_position(), *self.course.occluders(self.t)]
+        self.data.mocap_pos[self._moving] = self._origin + places @ scene.WORLD_FROM_BASE.T
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
     def snapshot(self) -> Snapshot:
         """Copy what the truth about this moment follows from."""
-        model, data = self.model, self.data
-        if self._current_at != self.step_count:
-            cable.update_lengths(model, data)
-            self._current_at = self.step_count
-        mujoco.mj_camlight(model, data)
+        data = self.data
+        self._update()
         return Snapshot(
             self.t,
-            data.cam_xpos[self._tip].copy(),
-            data.cam_xmat[self._tip].copy(),
+            data.xmat[self._tip].copy(),
+            data.xmat[self._base].copy(),
             data.xpos[self._backbone],
-            self._transmission.tensions(data),
+            self._transmission.tensions(),
             self.board_position(),
         )
 
@@ -133,25 +148,56 @@ class TwinPlant:
         Returns:
             The state of the plant, and the tip camera's orientation (3x3, base_from_camera).
         """
-        position = self._in_base(moment.camera_position)
-        world = moment.camera_matrix.reshape(3, 3)
-        rotation: Vector = scene.WORLD_FROM_BASE.T @ world * _FLIP
-        quaternion, vector = np.empty(4), np.empty(3)
-        mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-        mujoco.mju_quat2Vel(vector, quaternion, 1.0)
-        x, y, z = position.tolist()
-        qw, qx, qy, qz = quaternion.tolist()
-        up_down, left_right, _ = vector.tolist()
+        tip, base = moment.tip.reshape(3, 3), moment.base.reshape(3, 3)
+        backbone = self._with_camera(moment.backbone, tip)
+        bend = _pose(moment.t, backbone[-1], _in_camera_axes(base.T @ tip)).rotation_vector
+        turn = self.instrument.misalignment_rad
+        rotation = _in_camera_axes(tip)
+        if turn:
+            c, s = cos(turn), sin(turn)
+            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         plant = Plant(
-            bend_rad=(up_down, left_right),
-            tip=Pose(t=moment.t, position=(x, y, z), quaternion=(qw, qx, qy, qz)),
+            bend_rad=bend[:2],
+            tip=_pose(moment.t, backbone[-1], rotation),
             board=Pose(t=moment.t, position=moment.board, quaternion=(1.0, 0.0, 0.0, 0.0)),
-            backbone=np.append(self._in_base(moment.backbone), [position], axis=0),
-            tension_handle_n=tuple(moment.tensions[:4]),
-            tension_section_n=tuple(moment.tensions[4:]),
+            backbone=backbone,
+            tension_handle_n=tuple(moment.tensions[0]),
+            tension_section_n=tuple(moment.tensions[1]),
         )
         return plant, rotation
 
-    def _in_base(self, world: Vector) -> Vector:
-        points: Vector = (world - self._origin) @ scene.WORLD_FROM_BASE
+    def tip_pose(self) -> Pose:
+        """Return the present pose of the tip as a rigid body, at the camera's place.
+
+        Its axes are those of the base frame when the section is straight, however the camera is
+        turned in it.
+        """
+        self._update()
+        tip = self.data.xmat[self._tip].reshape(3, 3)
+        place = self._with_camera(self.data.xpos[[self._tip]], tip)[-1]
+        return _pose(self.t, place, _in_camera_axes(tip))
+
+    def _update(self) -> None:
+        if self._current_at != self.step_count:
+            self._transmission.update_lengths()
+            self._current_at = self.step_count
+
+    def _with_camera(self, backbone: Vector, tip: Vector) -> Vector:
+        """Points of the section, ending at the tip body, and the camera, in the base frame [m]."""
+        camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
+        points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
         return points
+
+
+def _in_camera_axes(body: Vector) -> Vector:
+    """Turn a rotation in world-like axes (distal, left, up) into one in (right, down, distal)."""
+    rotation: Vector = scene.WORLD_FROM_BASE.T @ body @ scene.WORLD_FROM_BASE
+    return rotation
+
+
+def _pose(t: float, position: Vector, rotation: Vector) -> Pose:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    x, y, z = position.tolist()
+    qw, qx, qy, qz = quaternion.tolist()
+    return Pose(t=t, position=(x, y, z), quaternion=(qw, qx, qy, qz))

@@ -83,7 +83,7 @@ class TwinRig:
         self.board: BoardGeometry = boards.standard()
         self.tracker = None
         self._numerics = numerics or Numerics()
-        self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics)
+        self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
         self.actuators = Guard(TwinDrive(self.plant, self.clock))
 

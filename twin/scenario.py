@@ -1,65 +1,38 @@
-"""What happens in a run: how the board moves and what the camera does, from a TOML file."""
+"""What happens in a run, from a TOML file; all of it can be combined.
+
+How board, shaft and occluders move, what pushes the tip, what camera and tracker do. Which of it is
+where at a time is told by `course.Course`.
+"""
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
-from importlib.resources import files
-from math import cos, pi, radians, sin
+from math import pi, sin
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from endolock.hw.api import ConfigError
+from endolock.twin import files
+from endolock.twin.files import Section
+from endolock.twin.motion import KINDS, Event, Motion, along
+
+FOLDER = "scenarios"
+"""Where those are that come with the package, below `models`."""
+
+_Side = Annotated[float, Field(gt=0, le=10)]
+_Place = Annotated[float, Field(ge=-10, le=10)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Strokes(_Section):
-    """One-sided strokes along a line, s = travel/2 (1 - cos(2 pi t / period))."""
-
-    kind: Literal["strokes"]
-    direction_deg: float = 0.0
-    """In the picture: 0 right, 90 up [deg]."""
-    travel_m: float = Field(ge=0, le=10)
-    """Longest distance from the start [m]."""
-    period_s: float = Field(ge=0.01, le=1e9)
-    """Out and back [s]."""
-
-    def offset(self, t: float) -> tuple[float, float]:
-        """Displacement (right, down) at time `t` [m]."""
-        s = self.travel_m / 2 * (1 - cos(2 * pi * t / self.period_s))
-        angle = radians(self.direction_deg)
-        return s * cos(angle), -s * sin(angle)
-
-
-class Circle(_Section):
-    """A circle around the optical axis at rest, clockwise in the picture, starting at its right."""
-
-    kind: Literal["circle"]
-    radius_m: float = Field(ge=0, le=10)
-    """[m]"""
-    period_s: float = Field(ge=0.01, le=1e9)
-    """Once around [s]."""
-
-    def offset(self, t: float) -> tuple[float, float]:
-        """Displacement (right, down) at time `t` [m]."""
-        phase = 2 * pi * t / self.period_s
-        return self.radius_m * cos(phase), self.radius_m * sin(phase)
-
-
-class Board(_Section):
+class Board(Section):
     """Where the board stands before it moves."""
 
     distance_m: float = Field(default=0.12, gt=0.005, lt=1.5)
     """Depth ahead of the tip camera at rest [m]. Source: 12 cm, thesis ch. 6."""
 
 
-class Camera(_Section):
+class Camera(Section):
     """Tip camera and video chain."""
 
     width: int = Field(default=640, ge=16, le=4096)
@@ -79,7 +52,68 @@ class Camera(_Section):
     """Share of the frames that never arrive [1]. Assumed."""
 
 
-class Scenario(_Section):
+class Tracker(Section):
+    """An optical tracker of the tip's pose, such as the OptiTrack that the thesis used.
+
+    Which model that was is not known here, so all values are assumed: those of a small system.
+    """
+
+    rate_hz: float = Field(default=100.0, gt=0, le=1000)
+    """Poses per second [Hz]. Assumed."""
+    latency_s: float = Field(default=0.010, ge=0, le=5)
+    """Exposure to delivery [s]. Assumed: one period."""
+    position_noise_m: float = Field(default=0.0002, ge=0, le=0.1)
+    """Standard deviation along each axis [m]. Assumed."""
+    rotation_noise_deg: float = Field(default=0.05, ge=0, le=30)
+    """Standard deviation about each axis [deg]. Assumed."""
+    drop_fraction: float = Field(default=0.0, ge=0, lt=1)
+    """Share of the poses that never arrive [1]. Assumed."""
+
+
+class Shaft(Event):
+    """A change of the shaft at constant rate; it stays as it is then."""
+
+    kind: Literal["bend", "roll"]
+    """bend adds to `shaft_bend_deg`; roll turns the section about the optical axis at rest,
+    clockwise as the camera looks, and so the picture counter-clockwise."""
+    by_deg: float = Field(ge=-1080, le=1080)
+    """[deg]"""
+
+
+class Push(Event):
+    """A force on the tip across the shaft, half a sine: F = force sin(pi (t - start) / over)."""
+
+    force_n: float = Field(ge=0, le=10)
+    """Largest force [N]."""
+    direction_deg: float = 0.0
+    """In the picture at rest: 0 right, 90 up [deg]."""
+
+    def force(self, t: float) -> tuple[float, float]:
+        """Force (right, down) at time `t` [N]."""
+        part = self.done(t)
+        return along(self.force_n * sin(pi * part), self.direction_deg) if part < 1 else (0.0, 0.0)
+
+
+class Occluder(Event):
+    """An opaque plate across the view, moving at constant velocity from one place to another."""
+
+    size_m: tuple[_Side, _Side]
+    """Width and height [m]."""
+    distance_m: float = Field(gt=0.002, lt=1.5)
+    """Depth ahead of the tip camera at rest [m], less than the board's."""
+    position_m: tuple[_Place, _Place]
+    """Centre (right, down) of the optical axis at rest, until the start [m]."""
+    to_m: tuple[_Place, _Place]
+    """The same in the end [m]."""
+
+    def position(self, t: float) -> tuple[float, float, float]:
+        """Place of its centre (right, down, distal) at time `t` [m]."""
+        part = self.done(t)
+        (x, y), (to_x, to_y) = self.position_m, self.to_m
+        return x + part * (to_x - x), y + part * (to_y - y), self.distance_m
+
+
+class Scenario(Section):
     """A whole run; every value can be given in a TOML file of the same shape."""
 
     name: str
@@ -91,25 +125,41 @@ class Scenario(_Section):
     scored_from_s: float = Field(default=0.0, ge=0)
     """The score leaves out what comes before [s]."""
     shaft_bend_deg: float = Field(default=180.0, ge=-1080, le=1080)
-    """Bend of the shaft, all in one plane [deg]. Assumed."""
+    """Bend of the shaft at the start, all in one plane [deg]. Assumed."""
+    gravity: bool = False
+    """Whether section and tip have weight, down in the picture at rest. Assumed: none."""
     board: Board = Board()
-    motion: tuple[Annotated[Strokes | Circle, Field(discriminator="kind")], ...] = ()
+    motion: tuple[Motion, ...] = ()
     """Movements of the board within its plane; they add up."""
+    shaft: tuple[Shaft, ...] = ()
+    """Changes of the shaft; they add up."""
+    push: tuple[Push, ...] = ()
+    """Forces on the tip; they add up."""
+    occluder: tuple[Occluder, ...] = ()
+    """Plates between tip and board."""
     camera: Camera = Camera()
+    tracker: Tracker | None = None
+    """Of the tip's pose; none without this section."""
 
-    def offset(self, t: float) -> tuple[float, float]:
-        """Displacement of the board (right, down) at time `t` [m]."""
-        moves = [motion.offset(t) for motion in self.motion]
-        return sum(m[0] for m in moves), sum(m[1] for m in moves)
+    @model_validator(mode="after")
+    def _board_is_behind(self) -> Self:
+        for n, occluder in enumerate(self.occluder):
+            if occluder.distance_m >= self.board.distance_m:
+                raise ValueError(
+                    f"occluder.{n}.distance_m: should be less than board.distance_m "
+                    f"{self.board.distance_m:g}, got {occluder.distance_m:g}"
+                )
+        return self
 
 
-SECTIONS: dict[str, type[BaseModel]] = {"board": Board, "camera": Camera}
-KINDS: dict[str, type[BaseModel]] = {"strokes": Strokes, "circle": Circle}
+SECTIONS: dict[str, type[BaseModel]] = {"board": Board, "camera": Camera, "tracker": Tracker}
+LISTS: dict[str, type[BaseModel]] = {"shaft": Shaft, "push": Push, "occluder": Occluder}
+"""What is written [board], and what is written [[shaft]]; [[motion]] has `motion.KINDS`."""
 
 
 def names() -> list[str]:
     """Names of the scenarios that come with the package."""
-    return sorted(f.name[:-5] for f in _folder().iterdir() if f.name.endswith(".toml"))
+    return files.names(FOLDER)
 
 
 def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
@@ -122,11 +172,7 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
     Raises:
         ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
     """
-    text, name = _read(str(source))
-    try:
-        values: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"scenario {source} is not TOML: {error}; correct the file") from None
+    values, name = files.read("scenario", FOLDER, str(source))
     if "name" in values:
         raise ConfigError(f"scenario {name}: unknown key name; the file's name is the scenario's")
     for key, value in (overrides or {}).items():
@@ -140,7 +186,10 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
     try:
         return Scenario.model_validate({**values, "name": name})
     except ValidationError as error:
-        raise ConfigError(f"scenario {name}: {_first(error)}") from None
+        parts = reversed(list(SECTIONS))  # where several have a key, the first is proposed
+        elsewhere = {key: f"{part}.{key}" for part in parts for key in _keys((part,))}
+        problem = files.first_problem(error, _keys, elsewhere)
+        raise ConfigError(f"scenario {name}: {problem}") from None
 
 
 def sources(source: str | Path, overrides: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
@@ -154,8 +203,7 @@ def sources(source: str | Path, overrides: Mapping[str, Any]) -> dict[str, tuple
         For each dotted key its value, and "option", "file" or "default".
     """
     resolved = load(source, overrides)
-    text, _ = _read(str(source))
-    in_file = _flat(tomllib.loads(text))
+    in_file = _flat(files.read("scenario", FOLDER, str(source))[0])
     found = {}
     for key, value in _flat(resolved.model_dump(exclude={"name"})).items():
         found[key] = (value, "file" if key in in_file else "default")
@@ -182,46 +230,9 @@ def _flat(values: Any, prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _folder() -> Any:
-    return files("endolock") / "models" / "scenarios"
-
-
-def _read(source: str) -> tuple[str, str]:
-    if source in names():
-        return (_folder() / f"{source}.toml").read_text(encoding="utf-8"), source
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        try:
-            return path.read_text(encoding="utf-8-sig"), path.stem
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-            raise ConfigError(f"cannot read scenario {source}: {reason}; check the path") from None
-    near = get_close_matches(source, names(), 1)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    raise ConfigError(
-        f"scenario '{source}' is unknown; use {', '.join(names())} or a .toml file{hint}"
-    )
-
-
-def _first(error: ValidationError) -> str:
-    """The first thing wrong, in one line."""
-    problem = error.errors()[0]
-    where = ".".join(str(part) for part in problem["loc"])
-    if problem["type"] == "extra_forbidden":
-        name, known = str(problem["loc"][-1]), _keys(problem["loc"][:-1])
-        elsewhere = {key: f"{part}.{key}" for part in SECTIONS for key in _keys((part,))}
-        near = get_close_matches(name, known, 1) or get_close_matches(name, elsewhere, 1)
-        if near:
-            return f"unknown key {where}; did you mean {elsewhere.get(near[0], near[0])}?"
-        return f"unknown key {where}; known are {', '.join(known)}"
-    text = problem["msg"].replace("Input should be", "should be")
-    got = "" if problem["type"] == "missing" else f", got {problem['input']!r}"
-    return f"{where}: {text}{got}"
-
-
-def _keys(place: tuple[int | str, ...]) -> list[str]:
+def _keys(place: tuple[str, ...]) -> list[str]:
     """List the keys that may stand at a place of a scenario file."""
     model: type[BaseModel] = Scenario
     for part in place:
-        model = {**SECTIONS, **KINDS}.get(str(part), model)
+        model = {**SECTIONS, **LISTS, **KINDS}.get(part, model)
     return [key for key in model.model_fields if key != "name"]

@@ -10,9 +10,12 @@ from __future__ import annotations
 from math import cos, radians, sin
 
 import mujoco
+import numpy as np
 
+from endolock.hw.api import AXES
 from endolock.twin import transmission
 from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.transmission import WIRES
 
 UP_DOWN_AXIS = (0.0, -1.0, 0.0)
 LEFT_RIGHT_AXIS = (0.0, 0.0, -1.0)
@@ -20,11 +23,15 @@ LEFT_RIGHT_AXIS = (0.0, 0.0, -1.0)
 WIRE_DEG = {"up": 90.0, "right": 180.0, "down": 270.0, "left": 0.0}
 """Where each wire runs: angle from world y towards z."""
 NODE_X_M = -0.02
-"""Where the wires leave their conduits, seen from the base [m]; drawn, without effect."""
+"""Where the wires leave their conduits, seen from the base [m], with further nodes `NODE_PITCH_M`
+behind; drawn, without effect."""
+NODE_PITCH_M = 0.01
 NODE_MASS_KG = 0.004
 NODE_DAMPING = 0.2
 WIRE_DAMPING = 2.0
 """Of the friction node [kg, N s/m] and of a wire [N s/m]: numerical, far below the dry friction."""
+SHEATH_GIVE_RAD = 0.01
+"""A sheath with dry friction gives elastically by this bend before it slides [rad]. Assumed."""
 HANDLE_X_M = -0.07
 TIP_CAMERA_FOVY_DEG = 85.0
 """f = 262 px at 480 rows, the camera of every gate. Assumed."""
@@ -66,12 +73,13 @@ def build(instrument: Instrument | None = None, numerics: Numerics | None = None
     option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND)
     _defaults(spec, instrument, numerics)
     _handles(spec, instrument)
-    _rings(spec, instrument, numerics.hinges)
-    _nodes(spec, instrument)
-    _wires(spec, instrument, numerics.hinges)
+    base = _rings(spec, instrument, numerics.hinges)
+    _nodes(base, instrument, numerics.nodes)
+    _wires(spec, instrument, numerics)
+    _sheath(spec, instrument, numerics.hinges)
     _motors(spec, instrument)
-    slide = transmission.rest_slide(instrument, 0.0)
-    position = _tidy([0.0] * (2 + numerics.hinges) + [slide] * len(transmission.WIRES))
+    slides = np.repeat(transmission.rest_slides(instrument, numerics.nodes, 0.0), len(WIRES))
+    position = _tidy([0.0] * (2 + numerics.hinges) + slides.tolist())
     spec.add_key(name="home", qpos=position)
     return spec
 
@@ -137,11 +145,14 @@ def _handles(spec: mujoco.MjSpec, instrument: Instrument) -> None:
         body.add_geom(size=[instrument.pulley_radius_m, 0.0, 0.0], fromto=ends, mass=0.002)
 
 
-def _rings(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> None:
-    """Base, alternating hinges with their rings, rigid tip with camera and light."""
+def _rings(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> mujoco.MjsBody:
+    """Base, alternating hinges with their rings, rigid tip with camera and light.
+
+    Nothing pushes the base: it turns with the shaft as it is told.
+    """
     pitch = instrument.bending_length_m / hinges
     radius = instrument.outer_diameter_m / 2
-    base = spec.worldbody.add_body(name="base")
+    base = spec.worldbody.add_body(name="base", mocap=True)
     base.childclass = "endoscope"
     base.add_geom(spec.find_default("ring"), size=[radius, 0, 0], fromto=[NODE_X_M, 0, 0, 0, 0, 0])
     _wire_sites(base, instrument, 0, 0.0)
@@ -167,16 +178,19 @@ def _rings(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> None:
         mass=instrument.tip_mass_kg,
         rgba=[0.35, 0.37, 0.4, 1.0],
     )
-    # Camera axes: x right = -y, y up = z, looking along -z = x.
+    # Camera axes at rest: x right = -y, y up = z, looking along -z = x.
+    turn = instrument.misalignment_rad
+    right, up = (0.0, -cos(turn), -sin(turn)), (0.0, -sin(turn), cos(turn))
     camera = tip.add_camera(name="tip", pos=[length, 0, 0], fovy=TIP_CAMERA_FOVY_DEG)
     camera.mode = mujoco.mjtCamLight.mjCAMLIGHT_FIXED
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    camera.alt.xyaxes = [0.0, -1.0, 0.0, 0.0, 0.0, 1.0]
+    camera.alt.xyaxes = _tidy([*right, *up])
     light = tip.add_light(name="tip", pos=[length, 0.0, 0.003], dir=[1.0, 0.0, 0.0])
     light.type = mujoco.mjtLightType.mjLIGHT_SPOT
     light.castshadow = False
     light.cutoff, light.exponent = 80.0, 4.0
     light.diffuse, light.specular = [0.75, 0.73, 0.70], [0.1, 0.1, 0.1]
+    return base
 
 
 def _wire_position(instrument: Instrument, wire: str, x: float) -> list[float]:
@@ -185,55 +199,74 @@ def _wire_position(instrument: Instrument, wire: str, x: float) -> list[float]:
 
 
 def _wire_sites(body: mujoco.MjsBody, instrument: Instrument, ring: int, x: float) -> None:
-    for wire in transmission.WIRES:
+    for wire in WIRES:
         body.add_site(name=f"wire_{wire}_site_{ring}", pos=_wire_position(instrument, wire, x))
 
 
-def _nodes(spec: mujoco.MjSpec, instrument: Instrument) -> None:
-    """One friction node per wire; a positive slide pulls the wire out of the section."""
-    for wire in transmission.WIRES:
-        position = _wire_position(instrument, wire, NODE_X_M)
-        body = spec.worldbody.add_body(name=f"node_{wire}", pos=position)
-        body.childclass = "node"
-        body.add_joint(name=f"slide_{wire}", frictionloss=_rest_friction(instrument))
-        body.add_geom(name=f"node_{wire}")
-        body.add_site(name=f"wire_{wire}_node")
+def _nodes(base: mujoco.MjsBody, instrument: Instrument, nodes: int) -> None:
+    """Friction nodes, those next to the handle first; a positive slide pulls towards the handle."""
+    friction = transmission.rest_friction(instrument, nodes)
+    for n in range(1, nodes + 1):
+        for wire in WIRES:
+            x = NODE_X_M - (nodes - n) * NODE_PITCH_M
+            position = _wire_position(instrument, wire, x)
+            node = base.add_body(name=f"node_{wire}_{n}", pos=position)
+            node.childclass = "node"
+            node.add_joint(name=f"slide_{wire}_{n}", frictionloss=round(friction[n - 1], 6))
+            node.add_geom(name=f"node_{wire}_{n}")
+            if n == nodes:
+                node.add_site(name=f"wire_{wire}_node")
 
 
-def _rest_friction(instrument: Instrument) -> float:
-    ratio = transmission.friction_ratio(instrument, transmission.wrap(instrument, 0.0), 0.0)
-    return max(round(ratio * 2 * instrument.pretension_n, 6), 1e-6)
+def _wires(spec: mujoco.MjSpec, instrument: Instrument, numerics: Numerics) -> None:
+    """Springs from handle to first node, from node to node, from last node to last ring.
 
-
-def _wires(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> None:
-    """Per wire a proximal spring (handle to node) and a distal one (node to last ring).
-
-    Wires can only pull: the springs are free from far below to the length at which they tighten.
+    They stand in this order, each for all wires. Wires can only pull: the springs are free from
+    far below to the length at which they tighten.
     """
-    wrap_rad = transmission.wrap(instrument, 0.0)
-    proximal, distal = _tidy(list(transmission.spring_stiffness(instrument, wrap_rad, 0.0)))
+    nodes = numerics.nodes
+    stiffness = _tidy(transmission.spring_stiffness(instrument, nodes, 0.0, 0.0))
     pulls = {
         "up": ("up_down", 1.0),
         "right": ("left_right", 1.0),
         "down": ("up_down", -1.0),
         "left": ("left_right", -1.0),
     }
-    for wire in transmission.WIRES:
-        handle, sign = pulls[wire]
-        tendon = spec.add_tendon(spec.find_default("wire"), name=f"wire_{wire}_proximal")
-        tendon.stiffness = [proximal, 0.0, 0.0]
-        tendon.springlength = [-10.0, 0.0]
-        tendon.wrap_joint(f"handle_{handle}", sign * instrument.pulley_radius_m)
-        tendon.wrap_joint(f"slide_{wire}", -1.0)
-    rest = instrument.bending_length_m - NODE_X_M + instrument.slack_m
-    for wire in transmission.WIRES:
+    for n in range(nodes):
+        for wire in WIRES:
+            name = f"wire_{wire}_conduit_{n}" if n else f"wire_{wire}_proximal"
+            tendon = spec.add_tendon(spec.find_default("wire"), name=name)
+            tendon.stiffness = [stiffness[n], 0.0, 0.0]
+            tendon.springlength = [-10.0, 0.0]
+            if n:
+                tendon.wrap_joint(f"slide_{wire}_{n}", 1.0)
+            else:
+                handle, sign = pulls[wire]
+                tendon.wrap_joint(f"handle_{handle}", sign * instrument.pulley_radius_m)
+            tendon.wrap_joint(f"slide_{wire}_{n + 1}", -1.0)
+    rest = instrument.bending_length_m - NODE_X_M + instrument.slack_at(0.0)
+    for wire in WIRES:
         tendon = spec.add_tendon(spec.find_default("wire"), name=f"wire_{wire}")
-        tendon.stiffness = [distal, 0.0, 0.0]
+        tendon.stiffness = [stiffness[-1], 0.0, 0.0]
         tendon.damping = [WIRE_DAMPING, 0.0, 0.0]
         tendon.springlength = _tidy([0.0, rest])
         tendon.wrap_site(f"wire_{wire}_node")
-        for ring in range(hinges + 1):
+        for ring in range(numerics.hinges + 1):
             tendon.wrap_site(f"wire_{wire}_site_{ring}")
+
+
+def _sheath(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> None:
+    """Dry friction of the sheath, if any: over the hinges of an axis a stiff spring that yields."""
+    moment = instrument.sheath_friction_nm
+    if not moment:
+        return
+    for first, axis in enumerate(AXES, 1):
+        tendon = spec.add_tendon(name=f"sheath_{axis}")
+        tendon.stiffness = [moment / SHEATH_GIVE_RAD, 0.0, 0.0]
+        tendon.springyield = SHEATH_GIVE_RAD
+        tendon.springlength = [0.0, 0.0]
+        for hinge in range(first, hinges + 1, 2):
+            tendon.wrap_joint(f"hinge_{axis}_{hinge}", 1.0)
 
 
 def _motors(spec: mujoco.MjSpec, instrument: Instrument) -> None:

@@ -12,8 +12,9 @@ from endolock.control import loop
 from endolock.control.pi import PI
 from endolock.hw.api import Command, CommandError, ConfigError, DeviceFault, Frame, Mode, State
 from endolock.twin.instrument import Instrument
+from endolock.twin.motion import Circle
 from endolock.twin.rig import TwinRig
-from endolock.twin.scenario import Camera, Circle, Scenario
+from endolock.twin.scenario import Camera, Scenario
 from endolock.vision.observation import Observation, Status
 from endolock.vision.truth import TruthEyes
 

@@ -98,8 +98,9 @@ def test_base_frame_is_the_camera_at_rest() -> None:
     assert plant.backbone[0] == pytest.approx((0, 0, -0.09), abs=1e-9)  # 75 mm and 15 mm of tip
 
 
-@pytest.mark.parametrize("name", scenario.names())
+@pytest.mark.parametrize("name", sorted({*scenario.names()} - {"close", "occlusion"}))
 def test_the_fixed_camera_sees_all_markers_throughout(name: str) -> None:
+    """Not with the tip against the board, nor with something between the two."""
     rig = TwinRig(name, pictures=False)
     for t in np.linspace(0.0, rig.scenario.duration_s, 9):
         # The board's place follows from the step count alone; the section may stay at rest.
@@ -112,7 +113,7 @@ def test_the_fixed_camera_sees_the_section() -> None:
     rig = TwinRig("rest", pictures=False)
     renderer = mujoco.Renderer(rig.plant.model, 480, 640)
     renderer.enable_segmentation_rendering()
-    rig.plant.snapshot()
+    rig.plant.draw_board()
     renderer.update_scene(rig.plant.data, "overview")
     geoms = renderer.render()[..., 0]
     renderer.close()

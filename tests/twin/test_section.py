@@ -43,7 +43,7 @@ def test_a_wire_cannot_push() -> None:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     for wire in WIRES:
-        data.joint(f"slide_{wire}").qpos = -0.01  # slacker than the pretension reaches
+        data.joint(f"slide_{wire}_1").qpos = -0.01  # slacker than the pretension reaches
     data.joint("handle_up_down").qpos = 0.0
     mujoco.mj_forward(model, data)
     distal = [model.tendon(f"wire_{wire}").id for wire in WIRES]
@@ -111,10 +111,11 @@ def test_files_keep_to_their_columns() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"conduit_friction": -0.1}, "instrument: conduit_friction is -0.1; use more than zero"),
+        ({"conduit_friction": -0.1}, "instrument: conduit_friction is -0.1; use zero or more"),
         ({"wire_stiffness": 0.0}, "instrument: wire_stiffness is 0; use more than zero"),
         ({"tip_mass_kg": float("nan")}, "instrument: tip_mass_kg is nan; use a finite number"),
         ({"slack_m": float("inf")}, "instrument: slack_m is inf; use a finite number"),
+        ({"misalignment_rad": 10.0}, "misalignment_rad is 10; use -pi to pi, in radians"),
         ({"damping_time_s": 0.02}, "instrument: damping_time_s 0.02 would delay the tip"),
         ({"wire_radius_m": 0.005}, "wire_radius_m 0.005 does not fit into an outer diameter"),
     ],
@@ -135,3 +136,9 @@ def test_impossible_instruments_are_refused(change: dict[str, float], message: s
 def test_impossible_numerics_are_refused(hinges: int, timestep_s: float, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         Numerics(hinges=hinges, timestep_s=timestep_s)
+
+
+@pytest.mark.parametrize("nodes", [0, 9])
+def test_an_impossible_number_of_nodes_is_refused(nodes: int) -> None:
+    with pytest.raises(ConfigError, match=f"{nodes} friction nodes per wire; use 1 to 8"):
+        Numerics(nodes=nodes)
