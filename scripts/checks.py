@@ -1,0 +1,135 @@
+"""What checks are made of: slow strokes of a plant without a rig, and what is noted of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, pi, radians
+
+import mujoco
+import numpy as np
+
+from endolock.hw.api import AXES, Vector
+from endolock.twin import scenario
+from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.plant import TwinPlant
+
+ONE_WIRE = Instrument(slack_m=0.0)
+"""Wires neither slack nor tight: only the one that is pulled carries."""
+SHAFTS_DEG = (0.0, 180.0, 360.0)
+SEED = 7
+"""Of the random hinge angles and handle motions; any will do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One comparison."""
+
+    what: str
+    against: str
+    unit: str
+    low: float = -inf
+    high: float = inf
+    """Bounds of the figure."""
+    why: str
+    """Why the bounds are where they are."""
+    measure: Callable[[], float]
+    """Returns the figure: the worst deviation, unless `what` says otherwise."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A slow motion of one handle while the other one stands."""
+
+    t: Vector
+    handle: Vector
+    bend: Vector
+    """Of the same axis [rad]."""
+    proximal: Vector
+    """Tension at the handle of the wire that a positive angle pulls [N]."""
+    distal: Vector
+    """The same at the section."""
+
+    def between(self, start: float, end: float) -> Motion:
+        """Return the rows of a time span [s]."""
+        kept = (self.t >= start) & (self.t <= end)
+        return Motion(*(column[kept] for column in vars(self).values()))
+
+
+def still(
+    instrument: Instrument | None = None,
+    numerics: Numerics | None = None,
+    *,
+    shaft_deg: float = 180.0,
+    gravity: bool = False,
+) -> TwinPlant:
+    """Make a plant that stands still with its motors on."""
+    rest = scenario.load("rest", {"shaft_bend_deg": shaft_deg, "gravity": gravity})
+    return TwinPlant(rest, instrument or Instrument(), numerics or Numerics(), 0)
+
+
+def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) -> Motion:
+    """Turn a handle along straight lines.
+
+    Args:
+        plant: it goes on from where it is.
+        corners: (time from now [s], angle [rad]), in order.
+        axis: 0 up_down, 1 left_right.
+    """
+    model, data = plant.model, plant.data
+    handle = int(model.joint(f"handle_{AXES[axis]}").qposadr[0])
+    bends = hinges(model, axis)
+    start, step = plant.t, round(0.010 / plant.timestep_s)
+    times, angles = zip(*corners, strict=True)
+    rows = []
+    while plant.t < start + times[-1] - 1e-9:
+        data.ctrl[axis] = np.interp(plant.t - start, times, angles)
+        plant.advance(plant.step_count + step)
+        proximal, distal = plant.snapshot().tensions
+        bend = data.qpos[bends].sum()
+        rows.append((plant.t - start, data.qpos[handle], bend, proximal[axis], distal[axis]))
+    return Motion(*np.array(rows).T)
+
+
+def loop(plant: TwinPlant, peak: float, period_s: float, axis: int = 0) -> Motion:
+    """Turn a handle in a triangle wave; return the last of two periods, from crest to crest."""
+    quarter = period_s / 4
+    corners = [(quarter * (2 * n + 1), peak * (-1) ** n) for n in range(5)]
+    return turn(plant, [(0.0, 0.0), *corners], axis).between(5 * quarter, 9 * quarter)
+
+
+def width(motion: Motion, bend_deg: float) -> float:
+    """Width of a loop from crest to crest at a bend, as a fraction of 180 deg of handle angle."""
+    trough = int(motion.handle.argmin())
+    falling = np.interp(radians(-bend_deg), -motion.bend[:trough], motion.handle[:trough])
+    rising = np.interp(radians(bend_deg), motion.bend[trough:], motion.handle[trough:])
+    return float(rising - falling) / pi
+
+
+def hinges(model: mujoco.MjModel, axis: int) -> list[int]:
+    """Find the hinge angles of an axis (0 up_down, 1 left_right) in qpos, from base to tip."""
+    joints = (model.joint(i) for i in range(model.njnt))
+    return [int(j.qposadr[0]) for j in joints if j.name.startswith(f"hinge_{AXES[axis]}")]
+
+
+def check(
+    into: list[Check],
+    what: str,
+    *,
+    against: str,
+    unit: str,
+    low: float = -inf,
+    high: float = inf,
+    why: str,
+) -> Callable[[Callable[[], float]], Callable[[], float]]:
+    """Put the decorated function into a list of checks; the rest is as in `Check`."""
+
+    def note(measure: Callable[[], float]) -> Callable[[], float]:
+        into.append(
+            Check(
+                what=what, against=against, unit=unit, low=low, high=high, why=why, measure=measure
+            )
+        )
+        return measure
+
+    return note
