@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
-from endolock.hw.api import Clock, Command, ConfigError, Frame, Rig, State, TruthSample
+from endolock.hw.api import Clock, Command, ConfigError, Frame, Pose, Rig, State, TruthSample
 from endolock.vision.observation import Eyes, Observation, Status
 
 PERIOD_S = 0.020
@@ -46,6 +46,8 @@ class Tick:
     state: State
     status: Status
     """State of the lock, from the newest frame."""
+    tracked: Pose | None
+    """The newest pose of the tip from a tracker; None without one."""
     truth: TruthSample | None
     """The truth now; None on hardware."""
 
@@ -152,7 +154,7 @@ def run(
         raise ConfigError(f"duration {duration_s:g} s; use more than 0")
     check_period(rig.clock, period_s)
     result = Run()
-    actuators, truth = rig.actuators, rig.truth
+    actuators, tracker, truth = rig.actuators, rig.tracker, rig.truth
     actuators.connect()
     mode = actuators.mode
     controller.reset(actuators.exchange(None) if mode.driven else actuators.enable())
@@ -189,6 +191,7 @@ def run(
                 command=command,
                 state=state,
                 status=status,
+                tracked=tracker.latest() if tracker else None,
                 truth=truth.now() if truth else None,
             )
             if recorder:

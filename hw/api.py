@@ -329,10 +329,13 @@ class Pose:
 
 
 class PoseTracker(Protocol):
-    """An outside measurement of the tip pose, such as an optical tracker."""
+    """An outside measurement of the tip as a rigid body, such as an optical tracker.
+
+    The body's axes are those of the base frame when the section is straight.
+    """
 
     def latest(self) -> Pose | None:
-        """Return the newest pose delivered so far; never blocks."""
+        """Return the newest pose delivered so far, with the time it was measured; never blocks."""
 
 
 @dataclass(frozen=True, kw_only=True)

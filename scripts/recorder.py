@@ -36,6 +36,7 @@ physics."""
 
 
 def _vector(n: int) -> pa.DataType:
+    """N numbers; a pose is a position and a quaternion."""
     return pa.list_(pa.float64(), n)
 
 
@@ -54,6 +55,9 @@ TICKS = pa.schema(
         ("mode", pa.string()),
         ("device_tick", pa.int64()),
         ("status", pa.string()),
+        # From a tracker; null without one.
+        ("tracked_t", pa.float64()),
+        ("tracked_pose", _vector(7)),
         # The truth now; null on hardware.
         ("target_px", _vector(2)),
         ("in_picture", pa.bool_()),
@@ -76,7 +80,7 @@ FRAMES = pa.schema(
         ("covariance_px2", _vector(3)),
         ("distance_m", pa.float64()),
         ("corners_px", pa.list_(_vector(2))),
-        # The truth at the exposure; null on hardware. Poses: position, quaternion.
+        # The truth at the exposure; null on hardware.
         ("true_t", pa.float64()),
         ("true_target_px", _vector(2)),
         ("true_distance_m", pa.float64()),
@@ -172,6 +176,8 @@ class RunFolder:
             "device_tick": s.device_tick,
             "status": tick.status,
         }
+        if tick.tracked:
+            row |= {"tracked_t": tick.tracked.t, "tracked_pose": _pose(tick.tracked)}
         if tick.truth:
             row |= _truth_of_tick(tick.truth, tick.truth.plant)
         self._ticks.append(row)

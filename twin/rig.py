@@ -1,7 +1,7 @@
-"""The whole twin as a rig: clock, guarded handles, late camera, truth.
+"""The whole twin as a rig: clock, guarded handles, late camera, pose tracker, truth.
 
-Physics moves only while somebody sleeps on the clock. Exposures and friction renewals stand at
-fixed points of the physics grid, so cutting a sleep into pieces changes no bit.
+Physics moves only while somebody sleeps on the clock. Exposures, tracking and friction renewals
+stand at fixed points of the physics grid, so cutting a sleep into pieces changes no bit.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from endolock.twin.drive import TwinDrive
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.plant import TwinPlant
 from endolock.twin.scenario import Scenario
+from endolock.twin.tracker import TwinTracker
 from endolock.twin.truth import TwinTruth
 
 OVERVIEW_SIZE = (480, 360)
@@ -81,11 +82,13 @@ class TwinRig:
             raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
         self.scenario = load(scenario)
         self.board: BoardGeometry = boards.standard()
-        self.tracker = None
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
         self.actuators = Guard(TwinDrive(self.plant, self.clock))
+        self.tracker: TwinTracker | None = None
+        if self.scenario.tracker:
+            self.tracker = TwinTracker(self.scenario.tracker, self.plant, self.clock, seed)
 
         video = self.scenario.camera
         size = video.width, video.height
@@ -110,14 +113,14 @@ class TwinRig:
         self._exposed = 0
 
     def advance(self, step: int) -> None:
-        """Move the physics up to a grid point, exposing frames on the way."""
-        if self._exposed == 0:
-            self._expose()
+        """Move the physics up to a grid point, exposing frames and tracking on the way."""
+        self._look()
         while self.plant.step_count < step:
             due = self._exposure_step(self._exposed)
+            if self.tracker:
+                due = min(due, self.tracker.due_step())
             self.plant.advance(min(step, due))
-            if self.plant.step_count >= due:
-                self._expose()
+            self._look()
 
     def describe(self) -> Mapping[str, Any]:
         """Return scenario, instrument, numerics, camera and board as plain values."""
@@ -151,6 +154,13 @@ class TwinRig:
 
     def _exposure_step(self, seq: int) -> int:
         return round(seq / self.scenario.camera.frame_rate_hz / self.clock.timestep_s)
+
+    def _look(self) -> None:
+        """Take what is due at this step."""
+        if self.plant.step_count >= self._exposure_step(self._exposed):
+            self._expose()
+        while self.tracker and self.plant.step_count >= self.tracker.due_step():
+            self.tracker.measure()
 
     def _expose(self) -> None:
         seq, t = self._exposed, self.plant.t

@@ -75,7 +75,9 @@ def tick(
         mode=Mode.ENABLED,
         device_tick=0,
     )
-    return Tick(t=t, skipped=0, command=None, state=state, status=status, truth=sample)
+    return Tick(
+        t=t, skipped=0, command=None, state=state, status=status, tracked=None, truth=sample
+    )
 
 
 def frame(
