@@ -36,7 +36,7 @@ class Request:
     vision: str = "markers"
     """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned."""
+    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
     duration_s: tyro.conf.DisallowNone[float | None] = None
     """How long each run is [s]; else the scenario's."""
     scored_from_s: tyro.conf.DisallowNone[float | None] = None

@@ -44,7 +44,7 @@ class Request:
     vision: str = "markers"
     """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned."""
+    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
     latency_s: tyro.conf.DisallowNone[float | None] = None
     """Exposure to delivery of a frame [s]; else the scenario's."""
     duration_s: tyro.conf.DisallowNone[float | None] = None

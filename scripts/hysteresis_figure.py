@@ -1,0 +1,133 @@
+"""Draws what `endolock hysteresis` measured: the loop, the lost motion, and the maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import figure
+from matplotlib.axes import Axes
+
+from endolock.hw.api import Vector
+
+LOOP, POSITIVE, NEGATIVE, GREY = "#3b6fb6", "#d1622b", "#3a8a4d", "#4d4d4d"
+
+
+def draw(record: Mapping[str, Any], path: Path) -> Path:
+    """Draw a record of `endolock hysteresis`.
+
+    Args:
+        record: as the command returns it; with "map" and "shaft_map" there is a second row.
+        path: where the PNG goes.
+    """
+    rows = 2 if "map" in record else 1
+    picture = figure.Figure(figsize=(11, 4.6 * rows), layout="constrained")
+    axes = picture.subplots(rows, 2, squeeze=False)
+    picture.suptitle(
+        f"{record['instrument']}, {record['axis']}: shaft bent by {record['shaft_deg']:g} deg, "
+        f"other axis by {record['other_axis_deg']:.0f} deg"
+    )
+    _loop(axes[0, 0], record)
+    _lost(axes[0, 1], record)
+    if rows == 2:
+        _map(axes[1, 0], record["map"])
+        _shaft(axes[1, 1], record["shaft_map"])
+    picture.savefig(path, dpi=120)
+    return path
+
+
+def _loop(axes: Axes, record: Mapping[str, Any]) -> None:
+    handle, bend = np.degrees(record["loop"]).T
+    axes.plot(handle, bend, color=LOOP, label="full loop")
+    turn = int(handle.argmin())
+    branches = (handle[:turn], bend[:turn]), (handle[turn:], bend[turn:])
+    for at, share in record["width"].items():
+        if share is None:
+            continue
+        ends = [float(_crossing(h, b, float(at))) for h, b in branches]
+        axes.annotate(
+            "", (max(ends), float(at)), (min(ends), float(at)), arrowprops={"arrowstyle": "<->"}
+        )
+        axes.text(max(ends) + 6, float(at), f"{180 * share:.0f} deg", va="center", fontsize=9)
+    axes.set(xlabel="handle [deg]", ylabel="bend [deg]", title="slow full loop")
+    axes.margins(x=0.12)
+    axes.grid(alpha=0.3)
+
+
+def _crossing(handle: Vector, bend: Vector, at: float) -> float:
+    order = np.argsort(bend)
+    return float(np.interp(at, bend[order], handle[order]))
+
+
+def _lost(axes: Axes, record: Mapping[str, Any]) -> None:
+    _line(axes, record["width"], "full loop, at this bend", color=LOOP, marker="o")
+    for side, colour in (("positive", POSITIVE), ("negative", NEGATIVE)):
+        ways = record["strokes"][side]
+        _line(
+            axes, ways["back"], f"{side} stroke to this bend: at its turn", color=colour, marker="s"
+        )
+        _line(
+            axes,
+            ways["out"],
+            f"{side} stroke to this bend: at the turn at zero",
+            color=colour,
+            marker="^",
+            linestyle="--",
+        )
+    axes.set(xlabel="bend [deg]", ylabel="lost handle motion [of 180 deg]", ylim=(0, None))
+    axes.set_title(
+        f"deadband {degrees(record['deadband_rad']):.1f} deg, "
+        f"drift {record['drift_deg_per_min']:.2f} deg/min"
+    )
+    axes.set_xticks([0, 30, 60, 90])
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+
+
+def _line(axes: Axes, shares: Mapping[str, float | None], label: str, **style: Any) -> None:
+    found = [(float(bend), share) for bend, share in shares.items() if share is not None]
+    if found:
+        axes.plot(*zip(*found, strict=True), label=label, **style)
+
+
+def _map(axes: Axes, told: Mapping[str, Any]) -> None:
+    shares = np.array(told["width"], float)
+    image = axes.pcolormesh(
+        told["own_deg"], told["other_deg"], shares, cmap="viridis", shading="nearest"
+    )
+    for other, row in zip(told["other_deg"], shares, strict=True):
+        for own, share in zip(told["own_deg"], row, strict=True):
+            if np.isfinite(share):
+                dark = share < np.nanmin(shares) + 0.6 * np.ptp(shares[np.isfinite(shares)])
+                axes.text(
+                    own,
+                    other,
+                    f"{share:.2f}",
+                    ha="center",
+                    va="center",
+                    fontsize=7,
+                    color="white" if dark else "black",
+                )
+    axes.figure.colorbar(image, ax=axes, label="width [of 180 deg]")
+    axes.set(xlabel="own bend [deg]", ylabel="other axis [deg]", title="width of the full loop")
+    axes.set_yticks(told["other_deg"])
+
+
+def _shaft(axes: Axes, told: Mapping[str, Any]) -> None:
+    _line(
+        axes,
+        dict(zip(map(str, told["shaft_deg"]), told["width_at_30"], strict=True)),
+        "width at 30 deg of bend",
+        color=LOOP,
+        marker="o",
+    )
+    deadband = [degrees(value) / 180 for value in told["deadband_rad"]]
+    axes.plot(told["shaft_deg"], deadband, color=GREY, marker="s", label="deadband")
+    axes.set(xlabel="shaft [deg]", ylabel="handle motion [of 180 deg]", ylim=(0, None))
+    axes.set_title("bend of the shaft")
+    axes.set_xticks(range(0, 361, 90))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
