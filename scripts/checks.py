@@ -49,6 +49,8 @@ class Motion:
     """Tension at the handle of the wire that a positive angle pulls [N]."""
     distal: Vector
     """The same at the section."""
+    opposite: Vector
+    """Tension at the handle of the other wire of the axis [N]."""
 
     def between(self, start: float, end: float) -> Motion:
         """Return the rows of a time span [s]."""
@@ -87,7 +89,8 @@ def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) ->
         plant.advance(plant.step_count + step)
         proximal, distal = plant.snapshot().tensions
         bend = data.qpos[bends].sum()
-        rows.append((plant.t - start, data.qpos[handle], bend, proximal[axis], distal[axis]))
+        wires = proximal[axis], distal[axis], proximal[axis + 2]
+        rows.append((plant.t - start, data.qpos[handle], bend, *wires))
     return Motion(*np.array(rows).T)
 
 

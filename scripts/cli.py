@@ -94,7 +94,7 @@ def _dispatch(args: list[str]) -> int:
     if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
         return doctor.main(parse(doctor.Request, "endolock doctor", args[1:]))
     try:
-        from endolock.scripts import bench, compare, hysteresis, run, view
+        from endolock.scripts import bench, compare, hysteresis, identify, run, view
     except (ImportError, AttributeError, RuntimeError) as error:
         # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
         if not endolock.opengl():
@@ -107,6 +107,7 @@ def _dispatch(args: list[str]) -> int:
         Annotated[run.Request, tyro.conf.subcommand("run")]
         | Annotated[compare.Request, tyro.conf.subcommand("compare")]
         | Annotated[hysteresis.Request, tyro.conf.subcommand("hysteresis")]
+        | Annotated[identify.Request, tyro.conf.subcommand("identify")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
         | Annotated[doctor.Request, tyro.conf.subcommand("doctor")]
         | Annotated[bench.Request, tyro.conf.subcommand("bench")]
@@ -115,6 +116,7 @@ def _dispatch(args: list[str]) -> int:
         run.Request: run.main,
         compare.Request: compare.main,
         hysteresis.Request: hysteresis.main,
+        identify.Request: identify.main,
         view.Request: view.main,
         bench.Request: bench.main,
     }

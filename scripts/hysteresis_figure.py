@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import degrees
+from math import degrees, pi
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,7 @@ def _loop(axes: Axes, record: Mapping[str, Any]) -> None:
         )
         axes.text(max(ends) + 6, float(at), f"{180 * share:.0f} deg", va="center", fontsize=9)
     axes.set(xlabel="handle [deg]", ylabel="bend [deg]", title="slow full loop")
+    axes.set(xticks=range(-180, 181, 60), yticks=range(-120, 121, 30))
     axes.margins(x=0.12)
     axes.grid(alpha=0.3)
 
@@ -113,19 +114,16 @@ def _map(axes: Axes, told: Mapping[str, Any]) -> None:
                 )
     axes.figure.colorbar(image, ax=axes, label="width [of 180 deg]")
     axes.set(xlabel="own bend [deg]", ylabel="other axis [deg]", title="width of the full loop")
-    axes.set_yticks(told["other_deg"])
+    axes.set(xticks=told["own_deg"], yticks=told["other_deg"])
 
 
 def _shaft(axes: Axes, told: Mapping[str, Any]) -> None:
-    _line(
-        axes,
-        dict(zip(map(str, told["shaft_deg"]), told["width_at_30"], strict=True)),
-        "width at 30 deg of bend",
-        color=LOOP,
-        marker="o",
-    )
-    deadband = [degrees(value) / 180 for value in told["deadband_rad"]]
-    axes.plot(told["shaft_deg"], deadband, color=GREY, marker="s", label="deadband")
+    shafts = [str(shaft) for shaft in told["shaft_deg"]]
+    deadbands = [None if value is None else value / pi for value in told["deadband_rad"]]
+    widths = dict(zip(shafts, told["width_at_30"], strict=True))
+    _line(axes, widths, "width at 30 deg of bend", color=LOOP, marker="o")
+    beside = dict(zip(shafts, deadbands, strict=True))
+    _line(axes, beside, "deadband", color=GREY, marker="s", clip_on=False)
     axes.set(xlabel="shaft [deg]", ylabel="handle motion [of 180 deg]", ylim=(0, None))
     axes.set_title("bend of the shaft")
     axes.set_xticks(range(0, 361, 90))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import degrees, inf
+from math import degrees, inf, isfinite
 
 import numpy as np
 
-from endolock.control.hysteresis_loop import Branch
+from endolock.control.hysteresis_loop import FOLLOWED_RAD, Branch
 from endolock.control.loop import PERIOD_S, Recorder, Tick, ticks
 from endolock.hw.api import AXES, Command, ConfigError, Rig, Vector
 from endolock.vision.observation import Status
@@ -21,6 +21,8 @@ TURNS_DEG = (90, 60, 30)
 """Bends at which the one-sided strokes turn back."""
 MARGIN_RAD = 0.02
 """Handles stay this far off their limits [rad]."""
+STOP_ROWS = 5
+"""Poses over whose mean a stroke ends at a bend, against noise; 0.1 s, or 0.6 deg of bend late."""
 SETTLE_S = 1.0
 DRIFT_S = 30.0
 """Wait, and watch a held handle [s]: 0.05 deg of noise at 100 Hz leaves 0.01 deg/min of error."""
@@ -35,8 +37,9 @@ class Strokes:
     loop: tuple[Branch, Branch]
     """Falling from crest to trough, rising back."""
     one_sided: dict[str, dict[int, tuple[Branch, Branch]]] = field(default_factory=dict)
-    """For "positive" and "negative", and each of `TURNS_DEG` that was reached: from handle zero,
-    where the handle had come back to from the same side, out to that bend, and back to zero."""
+    """For "positive" and "negative", and each of `TURNS_DEG` that was reached and lies far enough
+    from the bend that is left at handle zero: from there, where the handle had come back to from
+    the same side, out to that bend, and back to zero."""
     drift_deg_per_min: float = 0.0
     """Of the bend at held handles."""
 
@@ -45,12 +48,12 @@ class Protocol:
     """Turns the handles of a rig slowly and watches its tracker.
 
     Args:
-        rig: connected here, and held at the end of every stroke.
+        rig: connected and enabled here; its handles hold when a method of this raises.
         axis: 0 up_down, 1 left_right.
         progress: told the time after each tick [s].
 
     Raises:
-        ConfigError: the rig has no tracker.
+        ConfigError: the rig has no tracker, or none that sees the tip.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class Protocol:
         rig.actuators.connect()
         rig.actuators.enable()
         self._goal = list(rig.actuators.exchange(None).position)
+        self._move(axis, self._goal[axis], wait_s=SETTLE_S)
 
     def run(self, recorder: Recorder | None = None, *, whole: bool = True) -> Strokes:
         """Record the loop, the one-sided strokes and the drift.
@@ -101,18 +105,26 @@ class Protocol:
             The bend reached [rad].
 
         Raises:
-            ConfigError: it does not bend so far.
+            ConfigError: it does not bend so far, or that is no number.
             HardwareError: the handles stopped.
         """
+        if not isfinite(bend_rad):
+            raise ConfigError(f"--other-axis-deg {bend_rad}; use a number of degrees, such as 60")
+        try:
+            return self._bend_other_axis(bend_rad)
+        except BaseException:
+            self._rig.actuators.hold()
+            raise
+
+    def _bend_other_axis(self, bend_rad: float) -> float:
         other = 1 - self._axis
         if bend_rad == 0:
             return 0.0
         low, high = self._rig.actuators.limits.position_rad[other]
         end = high - MARGIN_RAD if bend_rad > 0 else low + MARGIN_RAD
         self._until(end, other, abs(bend_rad))
-        self._move(other, self._goal[other], wait_s=SETTLE_S)
-        pose = self._tracker.latest()
-        reached = pose.rotation_vector[other] if pose else 0.0
+        _, _, bends = self._move(other, self._goal[other], wait_s=SETTLE_S)
+        reached = float(np.mean(bends[len(bends) // 2 :]))
         if abs(reached) < 0.95 * abs(bend_rad):
             raise ConfigError(
                 f"{AXES[other]} bends to {degrees(reached):.0f} deg at most, not to "
@@ -131,9 +143,12 @@ class Protocol:
 
     def _one_sided(self, peak: float) -> dict[int, tuple[Branch, Branch]]:
         self._until(peak, self._axis, np.radians(TURNS_DEG[0]))
-        self._stroke(0.0)
+        back = self._stroke(0.0)
         strokes = {}
         for turn in TURNS_DEG:
+            left = abs(float(np.mean(back.bend[-STOP_ROWS:])))
+            if np.radians(turn) < left + FOLLOWED_RAD[1]:
+                break  # the bend that is left hides what is lost at either turn
             _, handle, bend = self._move(self._axis, peak, stop_at=np.radians(turn))
             back = self._stroke(0.0)
             if abs(back.bend[0]) > np.radians(turn - 1):
@@ -173,7 +188,8 @@ class Protocol:
                 newest = pose.t
                 handle = rig.actuators.history(pose.t).position[axis]
                 rows.append((pose.t, handle, pose.rotation_vector[axis]))
-                if abs(rows[-1][-1]) >= stop_at:
+                recent = [row[-1] for row in rows[-STOP_ROWS:]]
+                if len(recent) == STOP_ROWS and abs(sum(recent)) / STOP_ROWS >= stop_at:
                     break
             travelled = min(abs(end - start), SPEED_RAD_S * (t + PERIOD_S - began))
             self._goal[axis] = start + np.copysign(travelled, end - start)

@@ -30,7 +30,7 @@ NODE_MASS_KG = 0.004
 NODE_DAMPING = 0.2
 WIRE_DAMPING = 2.0
 """Of the friction node [kg, N s/m] and of a wire [N s/m]: numerical, far below the dry friction."""
-SHEATH_GIVE_RAD = 0.01
+SHEATH_GIVE_RAD = 0.02
 """A sheath with dry friction gives elastically by this bend before it slides [rad]. Assumed."""
 HANDLE_X_M = -0.07
 TIP_CAMERA_FOVY_DEG = 85.0

@@ -21,7 +21,7 @@ WIRES = ("up", "right", "down", "left")
 """The four wires, clockwise as the camera sees them."""
 REFRESH_S = 0.010
 """Period of the renewal [s]; every step costs 1.4-2 times more and changes nothing visible."""
-ROW_SOFTNESS = 1e-2
+ROW_SOFTNESS = 3e-3
 """Factor on MuJoCo's estimate of the node's inverse inertia: without it a node under load creeps
 several degrees a minute."""
 LEAST_FRICTION_N = 1e-6

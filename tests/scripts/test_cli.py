@@ -87,7 +87,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        ([], "Expected one of {run, compare, view, doctor, bench}"),
+        ([], "Expected one of {run, compare, hysteresis, identify, view"),
         (["runn"], "Unrecognized options: runn"),
         (["run"], "Missing from endolock run: STR"),
         (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),

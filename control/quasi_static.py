@@ -1,0 +1,210 @@
+"""One axis of a bending section and its wires, slow enough for inertia and damping to vanish.
+
+Each wire is cut once, as in control/cable.py: handle - spring - node - spring - section. All is
+told per bending stiffness K, so that tensions are in 1/m. With x the node's travel towards the
+handle and g(theta) the length of the wire in the section less its free length,
+
+    t_p = k_p max(0, +-r_p phi - x)         t_w = k_w max(0, x + g(theta))
+    e^-S <= t_p/t_w <= e^S                  the node stays where it is, or slides as far as it must
+    theta + m(theta) = sum over the wires of t_w (+-r cos(q/2) + h/2 sin(q/2)),   q = theta/n
+
+where m is the dry friction of the sheath, an elastic spring that yields. The right side falls and
+the left side rises with theta, so there is one bend for each handle angle and past. The wires of
+the other axis have no lever r; pretensioned, they still shorten with the bend and so help it.
+
+S and the springs follow the bend that the last step lets expect: with steps of a degree or two that
+is as good as solving for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import cos, exp, hypot, pi, sin
+
+import numpy as np
+
+from endolock.control.cable import compliances as _springs
+from endolock.hw.api import ConfigError, Vector
+
+TOLERANCE_RAD = 1e-9
+"""Error of a bend [rad], far below any noise."""
+SHEATH_GIVE_RAD = 0.02
+"""Bend by which a sheath gives before it slides [rad]. Assumed, as the twin's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """What can be measured with a ruler, or counted."""
+
+    bending_length_m: float = 0.075
+    """L, along the backbone [m], > 0."""
+    wire_radius_m: float = 0.0042
+    """r, wire holes to the backbone [m], > 0."""
+    pulley_radius_m: float = 0.005
+    """r_p, wire travel per handle angle [m/rad], > 0."""
+    hinges: int = 12
+    """N, in both axes together, even; each ring turns by 1/(N/2) of the bend."""
+
+    def __post_init__(self) -> None:
+        lengths = (self.bending_length_m, self.wire_radius_m, self.pulley_radius_m)
+        if not min(lengths) > 0 or self.hinges < 2 or self.hinges % 2:
+            raise ConfigError(f"geometry {self}: use lengths above 0 and an even number of hinges")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cable:
+    """The transmission, per bending stiffness K; one set of parameters for both wires."""
+
+    wrap_friction: float
+    """mu Theta of the conduit at the shaft's bend, residual included [1], >= 0."""
+    section_friction: float
+    """mu_b of the bending section [1], >= 0."""
+    stiffness: float
+    """k/K of wire and conduit [1/m2], > 0."""
+    slack_m: float
+    """Free length of each wire [m]; negative is pretension."""
+    sheath: float
+    """Dry friction of the sheath over K [rad], >= 0."""
+
+
+class Axis:
+    """Follows one axis through a history of handle angles.
+
+    Args:
+        cable: the transmission.
+        geometry: the section.
+    """
+
+    def __init__(self, cable: Cable, geometry: Geometry) -> None:
+        self._cable, self._geometry = cable, geometry
+        self.bend_rad = 0.0
+        """Present bend [rad]."""
+        self.tensions = (0.0, 0.0)
+        """Present tensions at the handle over K [1/m], of the wire that a positive angle pulls and
+        of the other one."""
+        near, far = _springs(cable.wrap_friction, 0.0)
+        self._nodes = [min(0.0, cable.slack_m) * near / (near + far)] * 4  # both springs pull alike
+        self._yielded = self._step_rad = 0.0
+
+    def follow(
+        self, handle_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
+    ) -> float:
+        """Turn the handle to an angle; return the bend [rad].
+
+        Args:
+            handle_rad: handle angle [rad]; steps of a few hundredths follow the history well.
+            other_handle_rad: handle angle of the other axis [rad]; its wires cross the bend and,
+                under tension, help it.
+            other_bend_rad: present bend of the other axis [rad].
+        """
+        made, geometry = self._cable, self._geometry
+        b = made.section_friction * hypot(self.bend_rad + self._step_rad, other_bend_rad)
+        near, far = _springs(made.wrap_friction, b)
+        k_p, k_w = made.stiffness / near, made.stiffness / far
+        up = exp(made.wrap_friction + b)
+        ratios = (k_w * up / k_p, k_w / up / k_p)
+        n, r = geometry.hinges / 2, geometry.wire_radius_m
+        h = geometry.bending_length_m / geometry.hinges
+        free = geometry.bending_length_m + made.slack_m
+        own_travel = geometry.pulley_radius_m * handle_rad
+        other_travel = geometry.pulley_radius_m * other_handle_rad
+        half = other_bend_rad / n / 2
+        along, across = n * h * cos(half) - free, n * 2 * r * sin(half)
+
+        def wires(bend: float) -> Iterator[tuple[float, float, float]]:
+            """Travel, gap and lever of each wire at a bend, those of the axis first."""
+            c, s = cos(bend / n / 2), sin(bend / n / 2)
+            gap, side, lever = n * h * c + along, n * 2 * r * s, h / 2 * s
+            yield own_travel, gap - side, lever + r * c
+            yield -own_travel, gap + side, lever - r * c
+            yield other_travel, gap - across, lever
+            yield -other_travel, gap + across, lever
+
+        def balance(bend: float) -> tuple[float, float]:
+            """Moment that is missing at a bend, and its slope."""
+            sheath = (bend - self._yielded) * made.sheath / SHEATH_GIVE_RAD
+            missing, slope = bend, 1.0
+            if abs(sheath) < made.sheath:
+                missing, slope = missing + sheath, slope + made.sheath / SHEATH_GIVE_RAD
+            else:
+                missing += made.sheath if sheath > 0 else -made.sheath
+            for node, (travel, gap, lever) in zip(self._nodes, wires(bend), strict=True):
+                x, sliding = _slide(node, travel, gap, ratios)
+                if x + gap <= 0:
+                    continue
+                missing -= k_w * (x + gap) * lever
+                # a sliding node gives way by its share: dx/dgap = -ratio/(1 + ratio)
+                slope += k_w * lever * lever * (1.0 if sliding is None else 1 / (1 + sliding))
+            return missing, slope
+
+        bend = _root(balance, self.bend_rad)
+        self._step_rad, self.bend_rad = bend - self.bend_rad, bend
+        give = bend - self._yielded
+        if abs(give) > SHEATH_GIVE_RAD:
+            self._yielded = bend - (SHEATH_GIVE_RAD if give > 0 else -SHEATH_GIVE_RAD)
+        tensions = []
+        for wire, (travel, gap, _) in enumerate(wires(bend)):
+            x, _ = _slide(self._nodes[wire], travel, gap, ratios)
+            self._nodes[wire] = x
+            tensions.append(k_p * max(0.0, travel - x))
+        self.tensions = (tensions[0], tensions[1])
+        return bend
+
+
+def simulate(
+    cable: Cable,
+    geometry: Geometry,
+    handle_rad: Vector,
+    other_handle_rad: Vector,
+    other_bend_rad: Vector,
+) -> tuple[Vector, Vector]:
+    """Follow a history of handle angles from rest.
+
+    Args:
+        cable: the transmission.
+        geometry: the section.
+        handle_rad: handle angles [rad], m.
+        other_handle_rad: handle angles of the other axis at the same moments [rad], m.
+        other_bend_rad: its bends [rad], m.
+
+    Returns:
+        Bends [rad], m, and tensions at the handle over K [1/m], m x 2.
+    """
+    axis = Axis(cable, geometry)
+    bends, tensions = [], []
+    inputs = (column.tolist() for column in (handle_rad, other_handle_rad, other_bend_rad))
+    for handle, other_handle, other_bend in zip(*inputs, strict=True):
+        bends.append(axis.follow(handle, other_handle, other_bend))
+        tensions.append(axis.tensions)
+    return np.array(bends), np.array(tensions)
+
+
+def _slide(
+    x: float, travel: float, gap: float, ratios: Sequence[float]
+) -> tuple[float, float | None]:
+    """Where a node comes to rest, and the ratio k_w e^(+-S)/k_p at which it slides, if it does."""
+    if travel + gap <= 0:  # loose: it lies where neither side pulls
+        return min(max(x, travel), -gap), None
+    low = (travel - ratios[0] * gap) / (1 + ratios[0])
+    if x < low:
+        return low, ratios[0]
+    high = (travel - ratios[1] * gap) / (1 + ratios[1])
+    return (high, ratios[1]) if x > high else (x, None)
+
+
+def _root(balance: Callable[[float], tuple[float, float]], start: float) -> float:
+    """Root of a rising function that is smooth but for kinks: Newton, kept between known signs."""
+    low, high, at = -pi, pi, start
+    for _ in range(60):
+        missing, slope = balance(at)
+        if abs(missing) < TOLERANCE_RAD * slope:
+            return at
+        if missing > 0:
+            high = at
+        else:
+            low = at
+        at -= missing / slope
+        if not low < at < high:
+            at = (low + high) / 2
+    return at
