@@ -25,7 +25,7 @@ from rich.table import Table
 from endolock.control import laws, loop
 from endolock.control.loop import Controller, Seen
 from endolock.hw.api import Frame, State
-from endolock.scripts import output, recorder, run
+from endolock.scripts import hysteresis, identify, output, recorder, run
 from endolock.twin import camera
 from endolock.twin.instrument import NUMERICS, Numerics
 from endolock.twin.rig import TwinRig
@@ -41,7 +41,7 @@ RUN_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Measure the speed of physics, rendering, vision, control, logging and whole runs.
+    """Measure the speed of physics, rendering, vision, control, logging, protocols and runs.
 
     With Gymnasium installed (./run test --extra), also that of the environments.
     """
@@ -63,6 +63,7 @@ def main(request: Request) -> int:
             ("pipeline", pipeline),
             ("control", control),
             ("log", log),
+            ("protocols", protocols),
             ("env", env),
         ):
             if name == "env" and not (find_spec("gymnasium") and find_spec("dm_control")):
@@ -191,6 +192,15 @@ def log() -> dict[str, float]:
         (taken,) = _times(lambda: folder.seen(seen), repeat=60)
         folder.close()
     return {"ms_per_frame": 1e3 * taken, "mb_per_min": size / 1e6 * 60 / seen_s}
+
+
+def protocols() -> dict[str, float]:
+    """Wall time of `endolock hysteresis` and of `endolock identify` on its log [s]."""
+    with tempfile.TemporaryDirectory() as name:
+        log_folder = Path(name) / "log"
+        measured = hysteresis.perform(hysteresis.Request(out=log_folder), show_progress=False)
+        fitted = identify.perform(identify.Request(log=log_folder))
+    return {"hysteresis_s": measured["wall_s"], "identify_s": fitted["wall_s"]}
 
 
 def env() -> dict[str, float]:

@@ -10,6 +10,7 @@ from math import degrees, exp, pi, radians
 import mujoco
 import numpy as np
 
+from endolock.control import quasi_static
 from endolock.hw.api import AXES
 from endolock.scripts.checks import (
     ONE_WIRE,
@@ -17,12 +18,13 @@ from endolock.scripts.checks import (
     SHAFTS_DEG,
     Check,
     Motion,
+    cable_of,
     check,
     hinges,
     still,
     turn,
 )
-from endolock.twin import closed_forms
+from endolock.twin import closed_forms, instruments
 from endolock.twin.closed_forms import PulledSection
 from endolock.twin.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.transmission import WIRES
@@ -207,6 +209,28 @@ def loop_widths() -> float:
         right = section.handle(bends, pulling=True) - section.handle(bends, pulling=False)
         worst = max(worst, float(np.abs(got / right - 1).max()))
     return 100 * worst
+
+
+@check(
+    CHECKS,
+    "bends in slow loops of both signs and sizes, each instrument",
+    against="quasi-static solution, control/quasi_static.py",
+    unit="deg",
+    high=0.1,
+    why="damping at 0.1 rad/s",
+)
+def slow_loops() -> float:
+    """Compare the bends of whole instruments, pretension and sheath included, with a solver."""
+    worst = 0.0
+    for name, shaft in product(instruments.names(), SHAFTS_DEG[:2]):
+        made = instruments.load(name)
+        plant = still(made, shaft_deg=shaft)
+        motion = turn(plant, [(0, 0), (20, 2.0), (60, -2.0), (100, 2.0), (112, 0.8), (120, 1.6)])
+        handle, bend = motion.handle[::5], motion.bend[::5]
+        cable, nothing = cable_of(made, radians(shaft)), np.zeros(len(handle))
+        right, _ = quasi_static.simulate(cable, quasi_static.Geometry(), handle, nothing, nothing)
+        worst = max(worst, float(np.abs(bend - right).max()))
+    return degrees(worst)
 
 
 @check(

@@ -8,12 +8,26 @@ import shutil
 import sys
 import tempfile
 from itertools import product
+from math import degrees, radians
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
-from endolock.scripts import cli, run, strip, verification
+from endolock.control.identification import Log, fit
+from endolock.control.quasi_static import Geometry
+from endolock.scripts import (
+    cli,
+    foreign_plants,
+    hysteresis,
+    hysteresis_figure,
+    identify,
+    run,
+    strip,
+    verification,
+)
+from endolock.scripts.checks import cable_of
 from endolock.twin import generate, instruments, scenario
 from endolock.twin.instrument import Instrument
 
@@ -37,7 +51,7 @@ hides nothing from such eyes, and `close` needs smaller markers than this versio
 
 
 def main(_args: list[str]) -> int:
-    """Regenerate the model with its card, the instrument files, docs/results.md and its picture."""
+    """Regenerate the models with their card, and the figures and pictures in docs/."""
     console = Console(stderr=True)
     console.print("models")
     generate.main()
@@ -49,6 +63,15 @@ def main(_args: list[str]) -> int:
     with console.status("measuring what the model card says"):
         text = _between(text, "verification", verified())
     card.write_text(text, encoding="utf-8")
+
+    with console.status("measuring and fitting what docs/identify.md says"):
+        guide = ROOT / "docs" / "identify.md"
+        text = _between(guide.read_text(encoding="utf-8"), "own", identified())
+        text = _between(text, "foreign", misfitted())
+    guide.write_text(text, encoding="utf-8")
+    with tempfile.TemporaryDirectory() as place:
+        record = hysteresis.perform(hysteresis.Request(map=True, out=Path(place) / "log"))
+    hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
 
     records, fast = [], []
     for name, law in product(PICTURED, ("pi", "ik")):
@@ -88,6 +111,52 @@ def verified() -> str:
         figure = f"{check.measure():.3g} {check.unit}".strip()
         row = (check.what, check.against, figure, verification.bounds(check), check.why)
         lines.append("| " + " | ".join(row) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def identified() -> str:
+    """Fit logs of our own instruments, and tabulate the truth beside what was found."""
+    lines = ["| instrument | parameter | true | found | +- | |", "|---|---|--:|--:|--:|---|"]
+    for name in ("pretensioned", "slack"):
+        with tempfile.TemporaryDirectory() as place:
+            log = Path(place) / "log"
+            request = hysteresis.Request(instrument=name, noise_deg=0.1, out=log)
+            hysteresis.perform(request, show_progress=False)
+            record = identify.perform(identify.Request(log=log))
+        made = instruments.load(name)
+        cable = cable_of(made, radians(record["shaft_deg"]))
+        true = {
+            "mu_wrap": cable.wrap_friction,
+            "mu_section": cable.section_friction,
+            "k_over_K": cable.stiffness,
+            "slack_m": max(0.0, cable.slack_m),
+            "pretension_over_K": max(0.0, -cable.slack_m * cable.stiffness),
+            "sheath_over_K": cable.sheath,
+        }
+        for key, told in record["params"].items():
+            known = "" if told["determined"] else "not determined"
+            figures = f"{true[key]:.4g} | {told['value']:.4g} | {told['std']:.2g}"
+            lines.append(f"| {name} | `{key}` | {figures} | {known} |")
+        held, play = record["heldout_rms_deg"], record["play_heldout_rms_deg"]
+        lines.append(f"| {name} | held out, deg rms (a play: {play:.2f}) | | {held:.2f} | | |")
+    return "\n".join(lines) + "\n"
+
+
+def misfitted() -> str:
+    """Fit logs of two plants that know no wires, and tabulate what is left."""
+    head = "| plant | fitted part | held out | best play, held out | determined |"
+    lines = [head, "|---|--:|--:|--:|---|"]
+    t = np.arange(0.0, 130.0, 0.02)
+    handle = 2.0 * (1 - np.abs((0.1 * t + 1) % 4 - 2))
+    noise = np.radians(0.1) * np.random.default_rng(0).standard_normal(len(t))
+    nothing = np.zeros(len(t))
+    for plant in (foreign_plants.bouc_wen, foreign_plants.prandtl_ishlinskii):
+        bend = np.column_stack([plant(handle) + noise, nothing])
+        found = fit(Log(t, np.column_stack([handle, nothing]), bend), Geometry())
+        errors = (found.fit_rms_rad, found.heldout_rms_rad, found.play_heldout_rms_rad)
+        cells = " | ".join(f"{degrees(error):.2f} deg" for error in errors)
+        known = ", ".join(n for n, p in found.params.items() if p.determined) or "nothing"
+        lines.append(f"| {plant.__name__} | {cells} | {known} |")
     return "\n".join(lines) + "\n"
 
 

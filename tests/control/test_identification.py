@@ -14,6 +14,7 @@ from endolock.control.identification import Fit, Log, fit, thin
 from endolock.control.quasi_static import Geometry
 from endolock.hw.api import Vector
 from endolock.scripts.checks import still, turn
+from endolock.scripts.foreign_plants import bouc_wen, prandtl_ishlinskii
 from endolock.twin.instrument import Instrument
 
 PEAK_RAD, SPEED_RAD_S, NOISE_RAD = 2.6, 0.2, radians(0.1)
@@ -122,29 +123,7 @@ def test_tensions_give_absolute_values() -> None:
     assert found.bending_stiffness == found.params["bending_stiffness"].value
 
 
-def _bouc_wen(handle: Vector) -> Vector:
-    """Tip behind a Bouc-Wen element: z' = phi' (A - |z| (beta sign(phi' z) + gamma))."""
-    z, tip = 0.0, []
-    for step in np.diff(handle, prepend=handle[0]):
-        for _ in range(10):
-            z += step / 10 * (1.0 - abs(z) * (4.0 * np.sign(step * z) + 1.0))
-        tip.append(z)
-    return 0.7 * (handle - 1.3 * np.array(tip))
-
-
-def _prandtl_ishlinskii(handle: Vector) -> Vector:
-    """Tip behind a sum of plays."""
-    total = 0.25 * handle
-    for width, weight in ((0.2, 0.15), (0.5, 0.2), (0.9, 0.1)):
-        at, out = 0.0, []
-        for angle in handle:
-            at = min(max(at, angle - width / 2), angle + width / 2)
-            out.append(at)
-        total = total + weight * np.array(out)
-    return np.asarray(total)
-
-
-@pytest.mark.parametrize("plant", [_bouc_wen, _prandtl_ishlinskii])
+@pytest.mark.parametrize("plant", [bouc_wen, prandtl_ishlinskii])
 def test_a_plant_of_another_kind_is_seen_to_be_one(plant: Callable[[Vector], Vector]) -> None:
     """No inverse crime here: nothing of the fitted model made this log."""
     times, angles = zip(*triangle(2.0), strict=True)

@@ -2,18 +2,21 @@
 
 import json
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
 import cv2
+import mujoco
 import pytest
 
-from endolock.hw.api import ConfigError
+from endolock.hw.api import ConfigError, Mode, Pose
 from endolock.scripts import cli, hysteresis, recorder
 from endolock.scripts.hysteresis import Request
 from endolock.scripts.hysteresis_protocol import Protocol
 from endolock.twin import instruments
 from endolock.twin.rig import TwinRig
+from endolock.twin.tracker import TwinTracker
 
 
 def _measured(**options: Any) -> dict[str, Any]:
@@ -52,6 +55,14 @@ def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
     assert _measured(instrument="two_region", shaft_deg=180.0)["deadband_rad"] == 0.0
 
 
+def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes() -> None:
+    record = _measured(shaft_deg=540.0, numerics="fast")
+    assert record["width"]["30"] > 0.3  # the loop is told all the same
+    for ways in record["strokes"].values():
+        assert ways["back"]["30"] is None
+        assert ways["out"]["30"] is None
+
+
 def test_half_the_speed_changes_no_width(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = _measured(numerics="fast")["width"]
     monkeypatch.setattr("endolock.scripts.hysteresis_protocol.SPEED_RAD_S", 0.1)
@@ -70,7 +81,9 @@ def test_a_folder_holds_log_figures_and_picture(tmp_path: Path) -> None:
     assert all(row["bend_rad"] is None for row in ticks)  # a log holds nothing a bench has not
     handles = [row["position_rad"][0] for row in ticks]
     assert max(handles) == pytest.approx(record["crest_rad"], abs=0.02)  # servo lag, 2 ticks
-    assert recorder.configuration(out)["scenario"]["shaft_bend_deg"] == 180.0
+    configuration = recorder.configuration(out)
+    assert configuration["scenario"]["shaft_bend_deg"] == 180.0
+    assert configuration["versions"]["mujoco"] == mujoco.__version__
     picture = cv2.imread(str(out / "hysteresis.png"))
     assert picture is not None
     assert picture.shape[1] > 1000
@@ -84,6 +97,7 @@ def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     near, beside, beyond = record["map"]["width"]
     assert all(a < b for a, b in zip(near[:5], beside[:5], strict=True))
     assert set(beyond) == {None}
+    record["shaft_map"]["deadband_rad"][0] = None  # as where a loop could not be taken
     straight, bent = record["shaft_map"]["width_at_30"]
     assert straight < bent
     from endolock.scripts import hysteresis_figure
@@ -96,6 +110,7 @@ def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     [
         (["--axis", "roll"], "axis"),
         (["--other-axis-deg", "170"], "left_right bends to 1.. deg at most, not to 170; use a sm"),
+        (["--other-axis-deg", "nan"], "--other-axis-deg nan; use a number of degrees, such as 60"),
         (["--shaft-deg", "2000"], "shaft_bend_deg: should be less than or equal to 1080"),
         (["--instrument", "oboe"], "instrument 'oboe' is unknown"),
         (["--rig", "car"], "rig 'car' is unknown; use twin"),
@@ -116,3 +131,54 @@ def test_bad_input_gives_one_line_and_leaves_nothing(
 def test_a_rig_without_a_tracker_is_refused() -> None:
     with TwinRig("rest", pictures=False) as rig, pytest.raises(ConfigError, match="no pose tracke"):
         Protocol(rig, 0)
+
+
+def test_a_tracker_that_sees_nothing_leaves_no_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blind(_tracker: TwinTracker) -> Pose | None:
+        return None
+
+    monkeypatch.setattr(TwinTracker, "latest", blind)
+    assert cli.main(["hysteresis", "--out", str(tmp_path / "run")]) == 2
+    assert "the pose tracker gave 0 poses in 1.0 s; see that" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def _bend_and_run(protocol: Protocol) -> None:
+    protocol.bend_other_axis(0.3)
+    protocol.run()
+
+
+@pytest.mark.parametrize("after_s", [2.0, 6.0])
+def test_an_interruption_leaves_the_handles_held(after_s: float) -> None:
+    """While the other axis is bent, and during the strokes."""
+
+    def interrupt(t: float) -> None:
+        if t >= after_s:
+            raise KeyboardInterrupt
+
+    watched = hysteresis.scenario_for(180.0, 0.05)
+    with TwinRig(watched, pictures=False) as rig:
+        protocol = Protocol(rig, 0, interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            _bend_and_run(protocol)
+        assert rig.actuators.mode is Mode.HOLDING
+
+
+def test_ctrl_c_ends_with_130_and_a_readable_log(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    measure, seen = TwinTracker.measure, []
+
+    def interrupt(tracker: TwinTracker) -> None:
+        measure(tracker)
+        seen.append(1)
+        if len(seen) == 500:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(TwinTracker, "measure", interrupt)
+    out = tmp_path / "run"
+    assert cli.main(["hysteresis", "--out", str(out)]) == 130
+    assert recorder.read(out, "ticks").num_rows > 100
+    assert not (out / "hysteresis.json").exists()
