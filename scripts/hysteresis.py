@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from math import degrees, pi, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,7 +19,6 @@ from endolock.hw.api import AXES, ConfigError
 from endolock.scripts import output, recorder, rigs
 from endolock.scripts.hysteresis_protocol import SPEED_RAD_S, TURNS_DEG, Protocol, Strokes
 from endolock.scripts.progress import progress
-from endolock.scripts.run import PACKAGES
 from endolock.twin import scenario as scenarios
 from endolock.twin.scenario import Scenario, Tracker
 
@@ -199,12 +196,7 @@ def _strokes(
         other_axis_rad = protocol.bend_other_axis(radians(request.other_axis_deg))
         folder = None
         if request.out and whole:
-            configuration = {
-                "hysteresis": _plain(request),
-                **rig.describe(),
-                "versions": {p: version(p) for p in PACKAGES}
-                | {"python": platform.python_version()},
-            }
+            configuration = {"hysteresis": _plain(request), **rig.describe()}
             folder = recorder.RunFolder(request.out, configuration)
         try:
             strokes = protocol.run(folder, whole=whole)

@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import platform
 import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,8 @@ import tomli_w
 from endolock.control.loop import Seen, Tick
 from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
 
+PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
+"""Whose versions go into run.toml."""
 JPEG_QUALITY = 75
 GROUP = 10
 """Rows written together where no frame carries a picture: one by one they would cost more than the
@@ -135,7 +139,7 @@ class RunFolder:
 
     Args:
         path: a new or empty folder.
-        configuration: what goes into run.toml; None values are left out.
+        configuration: what goes into run.toml, with the versions in use; None values are left out.
 
     Raises:
         ConfigError: the folder cannot be used.
@@ -144,7 +148,7 @@ class RunFolder:
     def __init__(self, path: Path, configuration: Mapping[str, Any]) -> None:
         self.path = path
         try:
-            text = tomli_w.dumps(_without_none(configuration)).encode()
+            text = tomli_w.dumps(_without_none({**configuration, "versions": _versions()})).encode()
             path.mkdir(parents=True, exist_ok=True)
             if any(path.iterdir()):
                 raise ConfigError(f"folder {path} is not empty; give a new one with --out")
@@ -318,6 +322,10 @@ def _truth_of_tick(truth: TruthSample, plant: Plant) -> dict[str, Any]:
 
 def _pose(pose: Pose) -> tuple[float, ...]:
     return (*pose.position, *pose.quaternion)
+
+
+def _versions() -> dict[str, str]:
+    return {p: version(p) for p in PACKAGES} | {"python": platform.python_version()}
 
 
 def _without_none(value: Any) -> Any:

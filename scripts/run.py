@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import platform
 import time
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,9 +20,6 @@ from endolock.scripts import output, recorder, rigs
 from endolock.scripts.progress import progress
 from endolock.twin import scenario as scenarios
 from endolock.twin.scenario import Scenario
-
-PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
-"""Whose versions go into run.toml."""
 
 UNRECORDED = ("json", "view", "dry_run")
 """Options that change nothing about the run."""
@@ -143,7 +138,6 @@ def perform(
         configuration = {
             "run": {k: v for k, v in _request_values(request).items() if k not in UNRECORDED},
             **rig.describe(),
-            "versions": {p: version(p) for p in PACKAGES} | {"python": platform.python_version()},
         }
         folder = recorder.RunFolder(path, configuration)
         start = time.perf_counter()

@@ -41,7 +41,7 @@ def test_the_configuration_says_what_was_run(folder: Path) -> None:
     assert told["scenario"]["duration_s"] == 1.5
     assert told["instrument"]["slack_m"] == -0.00375
     assert told["calibration"]["width"] == 640
-    assert set(run.PACKAGES) < set(told["versions"])
+    assert set(recorder.PACKAGES) < set(told["versions"])
 
 
 @settings(max_examples=40, deadline=None)
