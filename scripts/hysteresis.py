@@ -102,8 +102,8 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         show_progress: whether there is a progress bar.
 
     Returns:
-        The record of DESIGN's contract: width, deadband_rad, max_bend_deg, drift_deg_per_min,
-        loop, and what was measured besides.
+        The record: width, deadband_rad, max_bend_deg, drift_deg_per_min, loop, and what was
+        measured besides.
 
     Raises:
         ConfigError: the request cannot be carried out; nothing was written.
