@@ -3,18 +3,22 @@
 The model is control/quasi_static.py with the geometry held constant. Fitted are mu Theta, mu_b,
 k/K, the signed slack, the sheath's friction over K, and, as a nuisance, the zeros of handle and
 tip; with tensions also K. The first two thirds of the log are fitted, the last third is predicted.
+
+The model starts with wires at rest, a log need not: what comes before the first long stroke has
+ended is followed but not fitted, because such a stroke makes all wires slide and leaves no memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from math import exp, inf, log, radians
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import exp, log, radians
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, minimize
 
 from endolock.control.quasi_static import Cable, Geometry, simulate
+from endolock.control.uncertainty import Parameter, Spread
 from endolock.hw.api import Vector
 
 STEP_RAD = 0.018
@@ -25,13 +29,24 @@ TENSION_SCALE = 0.02
 """The same of a tension, as a share of the largest one."""
 MODEL_ERROR_RAD = radians(0.02)
 """Deviation of a twin in slow motion from this model, rms [rad]. What the fit leaves beyond the
-noise counts instead where that is more. It does not average out, so it is added to the uncertainty
-of every parameter as if it all pointed that parameter's way."""
-DETERMINED = 0.05
-"""Largest uncertainty of a parameter that is called determined, of its value: so that two of them
-are 10 %."""
-STARTS_M = (-2e-3, 5e-4)
-"""Slack to start from [m]: tight wires, and slack ones."""
+noise counts instead where that is more."""
+MISFIT_RAD, MISFIT = radians(0.15), 0.5
+"""A fit that leaves more than that and more than so many times the noise, the noise taken off, is
+none: the plant works in another way, or the geometry is not its, and nothing is determined."""
+LONG_STROKE = 0.45
+"""Travel after which all wires slide, of the range of the handle: from the middle to a crest."""
+COARSE = 3
+"""The first search takes so much longer steps."""
+STARTS = (
+    Cable(wrap_friction=0.5, section_friction=0.15, stiffness=8e4, slack_m=-2e-3, sheath=0.01),
+    Cable(wrap_friction=0.5, section_friction=0.15, stiffness=8e4, slack_m=5e-4, sheath=0.01),
+    Cable(wrap_friction=0.15, section_friction=0.02, stiffness=2.5e4, slack_m=-1.5e-2, sheath=0.01),
+)
+"""Where to search from: tight wires, slack ones, and soft ones under much tension."""
+SCALE = (0.3, 0.1, 0.3, 1e-3, 0.03, 0.02, 0.01, 0.3)
+LOW = (1e-3, 0.0, log(2e3), -0.03, 0.0, -0.3, -0.2, log(1e-4))
+HIGH = (4.0, 3.0, log(5e6), 0.02, 0.6, 0.3, 0.2, log(1e2))
+"""Of mu Theta, mu_b, log k/K, slack, sheath/K, the zeros of handle and tip, and log K."""
 
 
 @dataclass(frozen=True)
@@ -56,21 +71,6 @@ class Log:
         return int(np.ptp(self.handle, axis=0).argmax())
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One fitted number.
-
-    Args:
-        value: in SI units.
-        std: its uncertainty, one standard deviation.
-        determined: whether the log tells it to 10 % with two standard deviations.
-    """
-
-    value: float
-    std: float
-    determined: bool
-
-
 @dataclass(frozen=True, kw_only=True)
 class Fit:
     """What a log told."""
@@ -82,7 +82,9 @@ class Fit:
     noise_rad: float
     """Of the measured bends, from row to row."""
     fit_rms_rad: float
-    """What the fit leaves; much more than the noise where the plant is of another kind."""
+    """What the fit leaves."""
+    misfit: bool
+    """Whether that is so much more than the noise that the plant must be of another kind."""
     heldout_rms_rad: float
     """Of the bends in the last third, which the fit has not seen."""
     play_heldout_rms_rad: float
@@ -95,44 +97,107 @@ def fit(log_: Log, geometry: Geometry) -> Fit:
     """Fit the transmission of the axis that was moved.
 
     Args:
-        log_: a slow log of at least two turns, starting with wires at rest.
+        log_: a slow log of at least two turns.
         geometry: held constant.
     """
-    axis, other = log_.axis, 1 - log_.axis
-    kept = thin(log_.handle[:, axis], STEP_RAD)
-    handle, bend = log_.handle[kept, axis], log_.bend[kept, axis]
-    beside = log_.handle[kept, other], log_.bend[kept, other]
-    learned = int(np.searchsorted(log_.t[kept], log_.t[0] + 2 / 3 * np.ptp(log_.t)))
-    wires = None if log_.tension is None else log_.tension[kept][:, [axis, axis + 2]]
-    trust = TENSION_SCALE * float(wires.max()) if wires is not None else inf
+    coarse = _residual(_rows(log_, COARSE * STEP_RAD), geometry)
+    rows = _rows(log_, STEP_RAD)
+    free = len(SCALE) if rows.tension is not None else len(SCALE) - 1
+    near = min((_search(coarse, _vector(start)[:free]) for start in STARTS), key=_cost)
+    best = _search(_residual(rows, geometry), near.x)
 
-    def predict(x: Vector, rows: slice) -> tuple[Vector, Vector]:
+    fitted, held_out = slice(rows.settled, rows.learned), slice(rows.learned, None)
+    off = rows.predict(best.x, geometry)[0] - rows.bend
+    noise, left = _noise(log_.bend[:, log_.axis]), _rms(off[fitted])
+    excess = float(np.sqrt(max(left**2 - noise**2, 0.0)))
+    misfit = excess > max(MISFIT_RAD, MISFIT * noise)
+    params = _parameters(best, max(excess, MODEL_ERROR_RAD))
+    if misfit:
+        params = {name: replace(told, determined=False) for name, told in params.items()}
+    return Fit(
+        cable=_cable(best.x),
+        bending_stiffness=exp(best.x[7]) if rows.tension is not None else None,
+        params=params,
+        noise_rad=noise,
+        fit_rms_rad=left,
+        misfit=misfit,
+        heldout_rms_rad=_rms(off[held_out]),
+        play_heldout_rms_rad=_play(rows),
+        samples=rows.samples,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rows:
+    """What is kept of a log, of the axis that was moved and the other one, behind a way there."""
+
+    handle: Vector
+    bend: Vector
+    other_handle: Vector
+    other_bend: Vector
+    tension: Vector | None
+    settled: int
+    learned: int
+    """Fitted are the rows from `settled` to here."""
+    samples: int
+    """Rows that were measured."""
+
+    def predict(
+        self, x: Vector, geometry: Geometry, end: int | None = None
+    ) -> tuple[Vector, Vector]:
         bends, tensions = simulate(
-            _cable(x), geometry, handle[rows] - x[5], *(column[rows] for column in beside)
+            _cable(x),
+            geometry,
+            self.handle[:end] - x[5],
+            self.other_handle[:end],
+            self.other_bend[:end],
         )
         return bends + x[6], tensions
 
-    def residual(x: Vector) -> Vector:
-        bends, tensions = predict(x, slice(learned))
-        off = (bends - bend[:learned]) / BEND_SCALE_RAD
-        if wires is None:
-            return off
-        return np.append(off, ((exp(x[7]) * tensions - wires[:learned]) / trust).ravel())
 
-    best = min((_search(residual, slack, wires is not None) for slack in STARTS_M), key=_cost)
-    off = predict(best.x, slice(None))[0] - bend
-    noise = _noise(log_.bend[:, axis])
-    excess = np.sqrt(max(_rms(off[:learned]) ** 2 - noise**2, MODEL_ERROR_RAD**2))
-    return Fit(
-        cable=_cable(best.x),
-        bending_stiffness=exp(best.x[7]) if wires is not None else None,
-        params=_parameters(best, excess),
-        noise_rad=noise,
-        fit_rms_rad=_rms(off[:learned]),
-        heldout_rms_rad=_rms(off[learned:]),
-        play_heldout_rms_rad=_play(handle, bend, learned),
-        samples=len(kept),
+def _rows(log_: Log, step_rad: float) -> _Rows:
+    axis, other = log_.axis, 1 - log_.axis
+    kept = thin(log_.handle[:, axis], step_rad)
+    start = float(log_.handle[kept[0], axis])
+    lead = np.arange(0.0, abs(start), step_rad) * np.sign(start)  # from rest to where it begins
+    settled = len(lead) + _first_long_stroke(log_.handle[kept, axis])
+    kept = [kept[0]] * len(lead) + kept
+    learned = int(np.searchsorted(log_.t[kept], log_.t[0] + 2 / 3 * np.ptp(log_.t)))
+    handle = log_.handle[kept, axis]
+    handle[: len(lead)] = lead
+    return _Rows(
+        handle=handle,
+        bend=log_.bend[kept, axis],
+        other_handle=log_.handle[kept, other],
+        other_bend=log_.bend[kept, other],
+        tension=None if log_.tension is None else log_.tension[kept][:, [axis, axis + 2]],
+        # where strokes grow slowly, so that none is long for a while, they began at rest
+        settled=settled if settled < learned / 2 else len(lead),
+        learned=learned,
+        samples=len(kept) - len(lead),
     )
+
+
+def _first_long_stroke(handle: Vector) -> int:
+    """Return the row where the handle has travelled `LONG_STROKE` of its range in one direction."""
+    up = handle - np.minimum.accumulate(handle)
+    down = np.maximum.accumulate(handle) - handle
+    return int(np.argmax(np.maximum(up, down) >= LONG_STROKE * np.ptp(handle)))
+
+
+def _residual(rows: _Rows, geometry: Geometry) -> Callable[[Vector], Vector]:
+    fitted = slice(rows.settled, rows.learned)
+
+    def residual(x: Vector) -> Vector:
+        bends, tensions = rows.predict(x, geometry, rows.learned)
+        off = (bends[fitted] - rows.bend[fitted]) / BEND_SCALE_RAD
+        if rows.tension is None:
+            return off
+        trust = TENSION_SCALE * float(rows.tension.max())
+        pulls = (exp(x[7]) * tensions[fitted] - rows.tension[fitted]) / trust
+        return np.append(off, pulls.T.ravel())
+
+    return residual
 
 
 def thin(handle: Vector, step_rad: float) -> list[int]:
@@ -143,18 +208,16 @@ def thin(handle: Vector, step_rad: float) -> list[int]:
         step_rad: travel between two of them [rad]; smaller turns than a quarter are noise.
     """
     kept, farthest = [0], 0
-    for k, angle in enumerate(handle):
-        last = handle[kept[-1]]
-        if abs(handle[farthest] - angle) >= step_rad / 4 and farthest > kept[-1]:
-            ahead = abs(angle - last) > abs(handle[farthest] - last)
-            if not ahead:
-                kept.append(farthest)
-                last = handle[farthest]
+    for k, angle in enumerate(handle.tolist()):
+        last, far = handle[kept[-1]], handle[farthest]
+        if abs(angle - far) >= step_rad / 4 and (angle - far) * (far - last) < 0:
+            kept.append(farthest)
+            last, farthest = far, k
         if abs(angle - last) >= step_rad:
             kept.append(k)
-        if abs(angle - handle[kept[-1]]) >= abs(handle[farthest] - handle[kept[-1]]):
             farthest = k
-        farthest = max(farthest, kept[-1])
+        elif abs(angle - last) >= abs(handle[farthest] - last):
+            farthest = k
     return kept
 
 
@@ -168,18 +231,19 @@ def _cable(x: Vector) -> Cable:
     )
 
 
-def _search(residual: Callable[[Vector], Vector], slack_m: float, tensions: bool) -> OptimizeResult:
-    """Least squares from one start; k/K and K by their logarithms."""
-    start = [0.5, 0.15, log(8e4), slack_m, 0.01, 0.0, 0.0, log(0.05)]
-    scale = [0.3, 0.1, 0.3, 1e-3, 0.03, 0.02, 0.01, 0.3]
-    low = [1e-3, 0.0, log(2e3), -0.03, 0.0, -0.3, -0.2, log(1e-4)]
-    high = [4.0, 3.0, log(5e6), 0.02, 0.6, 0.3, 0.2, log(1e2)]
-    n = 8 if tensions else 7
+def _vector(cable: Cable) -> list[float]:
+    start = [cable.wrap_friction, cable.section_friction, log(cable.stiffness)]
+    return [*start, cable.slack_m, cable.sheath, 0.0, 0.0, log(0.05)]
+
+
+def _search(residual: Callable[[Vector], Vector], start: Sequence[float]) -> OptimizeResult:
+    """Least squares from one start, of as many numbers as it has."""
+    n = len(start)
     return least_squares(
         residual,
-        start[:n],
-        x_scale=scale[:n],
-        bounds=(low[:n], high[:n]),
+        start,
+        x_scale=SCALE[:n],
+        bounds=(LOW[:n], HIGH[:n]),
         diff_step=1e-3,
         max_nfev=40,
     )
@@ -195,24 +259,15 @@ def _noise(bend: Vector) -> float:
 
 
 def _parameters(found: OptimizeResult, model_rad: float) -> dict[str, Parameter]:
-    """Values and uncertainties, from the curvature at the minimum.
-
-    Neighbouring residuals are alike where the model is wrong: with correlation rho the noise counts
-    (1 + rho)/(1 - rho) times.
-    """
-    x, off = found.x, found.fun
-    rho = max(0.0, float(np.corrcoef(off[1:], off[:-1])[0, 1]))
-    spread = np.linalg.pinv(found.jac.T @ found.jac)
-    noise = float(np.mean(off**2)) * (1 + rho) / (1 - rho)
-    model = len(off) * (model_rad / BEND_SCALE_RAD) ** 2
-    covariance = spread * (noise + model)
-
-    def parameter(value: float, gradient: dict[int, float]) -> Parameter:
-        g = np.zeros(len(x))
-        g[list(gradient)] = list(gradient.values())
-        std = float(np.sqrt(g @ covariance @ g))
-        return Parameter(value, std, 0 < std <= DETERMINED * abs(value))
-
+    """Values and uncertainties, of what was fitted and of what follows from it."""
+    x = found.x
+    parameter = Spread(
+        residuals=found.fun,
+        jacobian=found.jac,
+        scale=SCALE[: len(x)],
+        stuck=(found.active_mask != 0).tolist(),
+        model_error=model_rad / BEND_SCALE_RAD,
+    ).parameter
     k, slack = exp(x[2]), float(x[3])
     loose, tight = max(0.0, slack), max(0.0, -slack)
     told = {
@@ -232,23 +287,23 @@ def _parameters(found: OptimizeResult, model_rad: float) -> dict[str, Parameter]
     return told
 
 
-def _play(handle: Vector, bend: Vector, learned: int) -> float:
+def _play(rows: _Rows) -> float:
     """Held-out error of the best play operator with gain and zero [rad]."""
 
     def predict(x: Vector) -> Vector:
         gain, width, zero = x
         at, out = 0.0, []
-        for angle in handle.tolist():
+        for angle in rows.handle.tolist():
             at = min(max(at, angle - width / 2), angle + width / 2)
             out.append(gain * at + zero)
         return np.array(out)
 
     def cost(x: Vector) -> float:
-        return _rms((predict(x) - bend)[:learned])
+        return _rms((predict(x) - rows.bend)[rows.settled : rows.learned])
 
-    gain = np.ptp(bend) / np.ptp(handle)
+    gain = np.ptp(rows.bend) / np.ptp(rows.handle)
     best = minimize(cost, [gain, 0.3, 0.0], method="Nelder-Mead")
-    return _rms((predict(best.x) - bend)[learned:])
+    return _rms((predict(best.x) - rows.bend)[rows.learned :])
 
 
 def _rms(values: Vector) -> float:

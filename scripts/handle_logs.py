@@ -28,6 +28,8 @@ GAP_S = 0.5
 LEAST_TRAVEL_RAD = 0.3
 LEAST_BEND_RAD = np.radians(10.0)
 """What a log must contain, on either side of its turns."""
+LEAST_CORRELATION = 0.5
+"""Of bend and handle; a loop half as wide as the handle's range still has that."""
 LEAST_TURNS = 3
 """So that the first two thirds hold strokes in both directions."""
 
@@ -84,6 +86,8 @@ def _table(source: Path) -> Log:
             f"cannot read {source}: {error}; give a run folder or a CSV file"
         ) from None
     names = [name.strip() for name in head]
+    if not any(names):
+        raise ConfigError(f"{source} begins with an empty line; give a CSV file with a header")
     for wanted in (TIME, *HANDLES, *BENDS):
         if wanted not in names:
             near = get_close_matches(wanted, names, 1)
@@ -131,6 +135,11 @@ def _check(log: Log) -> None:
     _check_radians("tip bends", log.bend, LARGEST_BEND_RAD)
     if log.tension is not None and log.tension.min() < -0.05 * np.ptp(log.tension):
         raise ConfigError("tensions go below zero, but wires only pull; check sign and zero")
+    if log.tension is not None and not log.tension[:, [log.axis, log.axis + 2]].max() > 0:
+        raise ConfigError(
+            f"the tensions of the {AXES[log.axis]} wires are never above zero; check the load "
+            "cells, or leave the columns out"
+        )
     handle, bend = log.handle[:, log.axis], log.bend[:, log.axis]
     for what, values, least in (
         ("handle", handle, LEAST_TRAVEL_RAD),
@@ -141,6 +150,12 @@ def _check(log: Log) -> None:
                 f"the {what} moves by {degrees(np.ptp(values)):.1f} deg in all; record strokes of "
                 f"{degrees(least):.0f} deg to either side at least"
             )
+    alike = float(np.corrcoef(handle, bend)[0, 1])
+    if alike < LEAST_CORRELATION:
+        raise ConfigError(
+            f"the {AXES[log.axis]} bend does not follow its handle (correlation {alike:.2f}); "
+            "check sign and axes"
+        )
     turns = _turns(handle)
     if turns < LEAST_TURNS:
         raise ConfigError(

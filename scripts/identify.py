@@ -31,8 +31,8 @@ UNITS = {
     "wire_stiffness": "N/m",
     "pretension_n": "N",
 }
-MISFIT, MISFIT_DEG = 2.0, 0.1
-"""A fit that leaves more than so many times the noise, and so many degrees, is told to be none."""
+LARGEST_SHAFT_DEG = 1080.0
+"""As in a scenario."""
 MARK = "# Written by endolock identify"
 """First words of the files that may be written again."""
 
@@ -97,6 +97,7 @@ def perform(request: Request) -> dict[str, Any]:
         "params": {name: vars(parameter) for name, parameter in found.params.items()},
         "heldout_rms_deg": degrees(found.heldout_rms_rad),
         "fit_rms_deg": degrees(found.fit_rms_rad),
+        "misfit": found.misfit,
         "noise_deg": degrees(found.noise_rad),
         "play_heldout_rms_deg": degrees(found.play_heldout_rms_rad),
         "axis": AXES[log.axis],
@@ -129,14 +130,22 @@ def table(record: dict[str, Any]) -> Table:
         f"{record['fit_rms_deg']:.2f}, noise {record['noise_deg']:.2f}; best play of constant "
         f"width {record['play_heldout_rms_deg']:.2f}), {record['samples']} samples"
     )
-    if record["fit_rms_deg"] > MISFIT * record["noise_deg"] + MISFIT_DEG:
-        result.caption += "\nthe fit leaves more than the noise: this is not how that plant works"
+    if record["misfit"]:
+        result.caption += (
+            "\nthe fit leaves more than the noise: that plant works in another way, or has another "
+            "geometry; nothing is determined"
+        )
     result.caption_justify = "left"
     return result
 
 
 def _shaft_deg(request: Request) -> float:
     if request.shaft_deg is not None:
+        if not abs(request.shaft_deg) <= LARGEST_SHAFT_DEG:
+            raise ConfigError(
+                f"--shaft-deg {request.shaft_deg:g} is no bend of a shaft; give "
+                f"{LARGEST_SHAFT_DEG:g} at most"
+            )
         return request.shaft_deg
     if not request.log.is_dir():
         return 180.0
@@ -153,9 +162,16 @@ def _target(request: Request) -> Path:
         raise ConfigError(f"--out {target}: give a file that ends in .toml")
     if not target.parent.is_dir():
         raise ConfigError(f"--out {target}: there is no folder {target.parent}; make it first")
-    if target.exists() and not target.read_text("utf-8", errors="replace").startswith(MARK):
+    if target.exists() and not _ours(target):
         raise ConfigError(f"{target} exists and is not ours; give another file with --out")
     return target
+
+
+def _ours(target: Path) -> bool:
+    try:
+        return target.read_text("utf-8", errors="replace").startswith(MARK)
+    except OSError:  # a folder, or not for us to read
+        return False
 
 
 def _instrument(found: Fit, base: Instrument, shaft_deg: float) -> Instrument:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from endolock.control.cable import SMALLEST, compliances, friction_ratios, slip_slopes
 
-A = st.floats(0.01, 3.0)
+A = st.floats(0.1, 3.0)  # below, the floors of the lumped form take over
 B = st.floats(0.0, 1.0)
 NODES = st.integers(1, 5)
 
@@ -24,7 +24,7 @@ def test_nodes_in_a_row_have_the_slip_slopes_of_the_whole_cable(
     for slope, sign in zip(slip_slopes(a, b), (1, -1), strict=True):
         tensions = [exp(sign * ((nodes - n) * a / nodes + b)) for n in range(nodes)] + [1.0]
         travel = sum(c * t for c, t in zip(springs, tensions, strict=True))
-        # a/n = 0.002 at the least, where cosh a - 1 keeps 10 of its 16 digits
+        # a/n = 0.02 at the least, where cosh a - 1 keeps 12 of its 16 digits
         assert travel == pytest.approx(slope, rel=1e-8)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from math import degrees, pi, radians
 
@@ -41,6 +42,7 @@ def triangle(peak: float = PEAK_RAD, periods: int = 3) -> list[tuple[float, floa
     return [(0.0, 0.0), *crests]
 
 
+@cache
 def log_of(instrument: Instrument, seed: int, *, tensions: bool = False) -> Log:
     """Record three periods at 50 Hz with a noisy tracker and an encoder of 0.09 deg."""
     plant = still(instrument)
@@ -83,6 +85,7 @@ def check(found: Fit, instrument: Instrument, wanted: set[str]) -> None:
     """What is called determined is right to 10 %, and what must be determined is."""
     right = truth(instrument)
     determined = {name for name, p in found.params.items() if p.determined}
+    assert not found.misfit
     assert wanted <= determined
     for name in determined:
         assert found.params[name].value == pytest.approx(right[name], rel=0.1), name
@@ -109,6 +112,21 @@ def test_ten_twins_are_found(seed: int) -> None:
     check(fit(log_of(twin, seed), Geometry()), twin, TIGHT)
 
 
+@pytest.mark.parametrize("missing", [0.03, 0.1, 0.25])
+def test_a_log_may_begin_anywhere(missing: float) -> None:
+    """In the first stroke out, in the one back, and after it; the model begins at rest."""
+    twin, whole = random_twin(0), log_of(random_twin(0), 0)
+    rows = slice(int(missing * len(whole.t)), None)
+    check(fit(Log(whole.t[rows], whole.handle[rows], whole.bend[rows]), Geometry()), twin, TIGHT)
+
+
+def test_a_geometry_that_is_not_its_determines_nothing() -> None:
+    """With 10 hinges instead of 12 k/K comes out 17 % too small, and the misfit shows."""
+    found = fit(log_of(random_twin(2), 2), Geometry(hinges=10))
+    assert found.misfit
+    assert not any(p.determined for p in found.params.values())
+
+
 def test_slack_and_a_rubbing_sheath_are_found() -> None:
     twin = Instrument(slack_m=0.0005, wire_stiffness=6000.0, sheath_friction_nm=0.004)
     wanted = {"mu_wrap", "mu_section", "k_over_K", "slack_m", "sheath_over_K"}
@@ -123,8 +141,18 @@ def test_tensions_give_absolute_values() -> None:
     assert found.bending_stiffness == found.params["bending_stiffness"].value
 
 
-@pytest.mark.parametrize("plant", [bouc_wen, prandtl_ishlinskii])
-def test_a_plant_of_another_kind_is_seen_to_be_one(plant: Callable[[Vector], Vector]) -> None:
+@pytest.mark.parametrize(
+    ("plant", "worst"),
+    [
+        # rounded turns and a bend-free width are those of a play and of no wire: a tie
+        (bouc_wen, 1.08),
+        # several widths are neither's
+        (prandtl_ishlinskii, 0.7),
+    ],
+)
+def test_a_plant_of_another_kind_is_seen_to_be_one(
+    plant: Callable[[Vector], Vector], worst: float
+) -> None:
     """No inverse crime here: nothing of the fitted model made this log."""
     times, angles = zip(*triangle(2.0), strict=True)
     t = np.arange(0.0, times[-1], 0.02)
@@ -134,11 +162,13 @@ def test_a_plant_of_another_kind_is_seen_to_be_one(plant: Callable[[Vector], Vec
     log = Log(t, np.column_stack([handle, nothing]), np.column_stack([bend, nothing]))
     found = fit(log, Geometry())
     assert found.noise_rad == pytest.approx(NOISE_RAD, rel=0.1)  # of 4000 rows
-    assert found.fit_rms_rad > 3 * found.noise_rad  # the misfit shows
+    assert found.misfit
+    assert found.fit_rms_rad > 3 * found.noise_rad
     assert not any(p.determined for p in found.params.values())
     # and yet it predicts: within 2 % of the range, no worse than what it left in the fitted part
     assert found.heldout_rms_rad < 0.02 * np.ptp(bend)
     assert found.heldout_rms_rad < 1.3 * found.fit_rms_rad  # the last period is like the others
+    assert found.heldout_rms_rad < worst * found.play_heldout_rms_rad
 
 
 @given(
@@ -153,9 +183,9 @@ def test_thinning_keeps_turns_and_steps(corners: list[float], step: float, rows:
     assert all(a < b for a, b in pairwise(kept))
     most = float(np.abs(np.diff(handle)).max())
     assert np.abs(np.diff(handle[kept])).max(initial=0.0) <= step + most + 1e-9
-    # what lies between is passed over by no more than the smallest turn and a row
+    # what lies between is off by no more than a step, a turn too small to keep, and a row
     between = np.interp(np.arange(len(handle)), kept, handle[kept])
-    assert np.abs(between - handle)[: kept[-1]].max(initial=0.0) <= step + most
+    assert np.abs(between - handle)[: kept[-1]].max(initial=0.0) <= 1.25 * step + most + 1e-9
     for n in (handle.argmax(), handle.argmin()):
         if n < kept[-1]:
-            assert np.abs(handle[kept] - handle[n]).min() <= step / 4 + most
+            assert np.abs(handle[kept] - handle[n]).min() <= step / 4 + most + 1e-9

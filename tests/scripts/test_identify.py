@@ -108,6 +108,10 @@ def _pushing(rows: Rows) -> Rows:
     return rows | wires
 
 
+def _without_load(rows: Rows) -> Rows:
+    return rows | dict.fromkeys(handle_logs.TENSIONS, np.zeros(len(rows["t_s"])))
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -118,6 +122,11 @@ def _pushing(rows: Rows) -> Rows:
         (_renamed, "has no column tip_up_down_rad; is tip_updown_rad meant?"),
         (_hole, "line 9: tip_up_down_rad is 'nan'; use a finite number"),
         (_pushing, "tensions go below zero, but wires only pull"),
+        (_without_load, "the tensions of the up_down wires are never above zero"),
+        (
+            lambda rows: rows | {"tip_up_down_rad": -rows["tip_up_down_rad"]},
+            "the up_down bend does not follow its handle (correlation -0.9",
+        ),
         (lambda rows: {k: v[:1] for k, v in rows.items()}, "1 rows; record some periods"),
         (
             lambda rows: rows | {"handle_up_down_rad": 0.1 * rows["handle_up_down_rad"]},
@@ -153,6 +162,7 @@ def test_a_bad_log_gives_one_line_and_leaves_nothing(
         (None, [], "no log at"),
         ("", [], "is empty; give a CSV file with a header"),
         ("\x00\x01", [], "has no column t_s"),
+        ("\n\n", [], "begins with an empty line; give a CSV file with a header"),
         ("t_s", ["--base", "oboe"], "instrument 'oboe' is unknown"),
         ("t_s", ["--hinges", "7"], "use lengths above 0 and an even number of hinges"),
     ],
@@ -175,7 +185,9 @@ def test_files_of_others_are_left_alone(tmp_path: Path, capsys: pytest.CaptureFi
     log = _write(_rows(), tmp_path / "bench.csv")
     precious = tmp_path / "mine.toml"
     precious.write_text("slack_m = 0.001\n")
+    (tmp_path / "folder.toml").mkdir()
     for target, message in (
+        (tmp_path / "folder.toml", "exists and is not ours; give another file with --out"),
         (precious, "exists and is not ours; give another file with --out"),
         (tmp_path / "nowhere" / "x.toml", "there is no folder"),
         (tmp_path / "x.txt", "give a file that ends in .toml"),
@@ -183,6 +195,16 @@ def test_files_of_others_are_left_alone(tmp_path: Path, capsys: pytest.CaptureFi
         assert cli.main(["identify", str(log), "--out", str(target)]) == 2
         assert message in capsys.readouterr().err
     assert precious.read_text() == "slack_m = 0.001\n"
+
+
+@pytest.mark.parametrize("shaft", ["nan", "1e9"])
+def test_an_impossible_shaft_is_refused(
+    shaft: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = _write(_rows(), tmp_path / "bench.csv")
+    assert cli.main(["identify", str(log), "--shaft-deg", shaft]) == 2
+    assert "is no bend of a shaft; give 1080 at most" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [log]
 
 
 def test_a_folder_without_a_tracker_is_refused(
