@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from endolock.control import kinematics
 from endolock.control.kinematics import SectionGeometry
 from endolock.hw.api import Calibration, Command, ConfigError, State
@@ -84,8 +82,7 @@ class InverseKinematics:
         gain = self._settings.bend_per_handle
         bend = (gain * state.position[0], gain * state.position[1])
         position, rotation = kinematics.forward(self._geometry, bend)
-        right, down = camera_model.offset(self._calibration, pixel)
-        ray = np.array([right, down, self._calibration.focal_px]) / self._calibration.focal_px
+        ray = camera_model.ray(self._calibration, pixel)
         target = position + rotation @ (self._settings.target_distance_m * ray)
         up_down, left_right = kinematics.aim(self._geometry, target)
         return up_down / gain, left_right / gain

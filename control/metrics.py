@@ -62,7 +62,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
         "error_px": None if on_a_bench else _summary(error),
         "error_deg": None if on_a_bench else _extent(degrees),
         "delayed_error_px": _summary(np.array(delayed)),
-        "vision_error_px": None if on_a_bench else _vision_error(accepted),
+        "vision_error_px": _vision_error(accepted),
         "handle": _handle(ticks),
         "blur_px": _blur(ticks),
     }
@@ -93,14 +93,13 @@ def _extent(error: Vector) -> dict[str, float | None]:
 
 
 def _vision_error(accepted: Sequence[Seen]) -> dict[str, float | None]:
-    error = np.array(
-        [
-            np.hypot(*np.subtract(s.observation.target_px, s.truth.target_px))
-            for s in accepted
-            if s.truth
-        ]
-    )
-    return _extent(error)
+    """Distance of what was accepted from the truth; on a bench from the markers around it."""
+    error = []
+    for s in accepted:
+        true = s.truth.target_px if s.truth else s.observation.reference_px
+        if isfinite(true[0]):
+            error.append(np.hypot(*np.subtract(s.observation.target_px, true)))
+    return _extent(np.array(error))
 
 
 def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import atan2, copysign, hypot
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,20 +239,35 @@ class Actuators(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Pinhole camera: a point (x, y, z) in camera axes is seen at (cx + f x/z, cy + f y/z) px."""
+    """Geometry of a camera: a ray at the angle theta off the axis is seen r off the centre.
+
+    r = f tan(theta) for a pinhole, r = f theta for an equidistant fisheye, before distortion.
+    """
 
     width: int
     height: int
     focal_px: float
-    """Focal length [px], the same in both directions."""
+    """Focal length f in the direction of u [px]."""
     centre_px: tuple[float, float]
     """Principal point (u, v) [px]; the centre of the first pixel is (0, 0)."""
+    aspect: float = 1.0
+    """Focal length in the direction of v over that of u [1]: 1 where pixels are square."""
+    projection: Literal["pinhole", "equidistant"] = "pinhole"
+    distortion: tuple[float, ...] = ()
+    """OpenCV's coefficients: k1, k2, p1, p2, k3 of a pinhole, k1..k4 of a fisheye; none where
+    ideal."""
+    mask: Literal["none", "octagon", "circle"] = "none"
+    """What part of the picture shows anything; see `vision.camera_model.in_picture`."""
+    rms_px: float = 0.0
+    """What was left of the corners' misfit when it was calibrated [px]; 0 where it is exact."""
+    date: str = ""
+    """When it was calibrated, YYYY-MM-DD; empty where it was not."""
 
     @property
     def matrix(self) -> Vector:
         """Camera matrix K, 3x3 [px]."""
         (cx, cy), f = self.centre_px, self.focal_px
-        return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+        return np.array([[f, 0.0, cx], [0.0, f * self.aspect, cy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,6 +284,8 @@ class Frame:
     """Number of the exposure, from 0; gaps are frames that never arrived."""
     dropped: int
     """Exposures between the frame returned before this and this one: lost, or overtaken."""
+    repeated: bool = False
+    """Whether this is the picture before, delivered once more under a new number: nothing new."""
 
 
 class Camera(Protocol):
@@ -288,10 +305,8 @@ class BoardGeometry:
 
     dictionary: str
     """Name of the OpenCV ArUco dictionary."""
-    markers: tuple[tuple[int, float, float], ...]
-    """Each marker's id and the centre (x, y) of its square."""
-    marker_size_m: float
-    """Side of every marker, black border included."""
+    markers: tuple[tuple[int, float, float, float], ...]
+    """Each marker's id, the centre (x, y) of its square, and its side, black border included."""
     size_m: float
     """Side of the square board."""
     target: tuple[float, float] = (0.0, 0.0)
@@ -299,9 +314,8 @@ class BoardGeometry:
 
     def corners(self) -> dict[int, Vector]:
         """Corners of each marker, 4x3 [m]: top left, top right, bottom right, bottom left."""
-        h = self.marker_size_m / 2
-        square = np.array([[-h, -h, 0], [h, -h, 0], [h, h, 0], [-h, h, 0]])
-        return {marker: square + [x, y, 0] for marker, x, y in self.markers}
+        square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+        return {marker: size * square + [x, y, 0] for marker, x, y, size in self.markers}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -326,6 +340,18 @@ class Pose:
             return 0.0, 0.0, 0.0
         scale = 2 * atan2(copysign(size, w), abs(w)) / size
         return scale * x, scale * y, scale * z
+
+    @property
+    def matrix(self) -> Vector:
+        """The orientation as a rotation matrix, 3x3, base_from_body."""
+        w, x, y, z = self.quaternion
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
 
 
 class PoseTracker(Protocol):

@@ -26,7 +26,7 @@ from endolock.control import laws, loop
 from endolock.control.loop import Controller, Seen
 from endolock.hw.api import Frame, State
 from endolock.scripts import hysteresis, identify, output, recorder, run
-from endolock.twin import camera
+from endolock.twin import camera, scene
 from endolock.twin.instrument import NUMERICS, Numerics
 from endolock.twin.rig import TwinRig
 from endolock.vision.markers import MarkerEyes
@@ -118,7 +118,7 @@ def render() -> dict[str, Any]:
     """One tip picture of 640x480 px, against a raw textured quad of that size with read-back."""
     with TwinRig("straight", pictures=False) as rig:
         model, data = rig.plant.model, rig.plant.data
-        index, _ = camera.of_model(model, "tip", 640, 480)
+        index = scene.camera_id(model, "tip")
         renderer = camera.Renderer(model)
         draw = _raw_quad(640, 480)
         ours, raw = _times(

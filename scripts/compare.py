@@ -34,7 +34,8 @@ class Request:
     rig: str = "twin"
     """What to drive: twin."""
     vision: str = "markers"
-    """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
+    """markers: find the board in the pictures; track: follow the target without markers; truth: no
+    pictures, exact projections, faster."""
     instrument: str = "pretensioned"
     """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
     duration_s: tyro.conf.DisallowNone[float | None] = None

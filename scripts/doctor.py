@@ -140,13 +140,13 @@ def mujoco_() -> Finding:
 
 def picture(sights: Sights) -> Finding:
     """Draw the scene of the twin as its tip camera sees it; leave the picture in `sights`."""
-    from endolock.twin import camera
+    from endolock.twin import camera, scene
     from endolock.twin.rig import TwinRig
 
     with TwinRig("straight", pictures=False) as rig:
         plant, calibration = rig.plant, rig.camera.calibration
         size = calibration.width, calibration.height
-        index, _ = camera.of_model(plant.model, "tip", *size)
+        index = scene.camera_id(plant.model, "tip")
         plant.snapshot()  # brings the camera up to date
         plant.draw_board()
         renderer = camera.Renderer(plant.model)
@@ -189,9 +189,9 @@ def opencv(sights: Sights) -> Finding:
 
     (frame, calibration), geometry = sights[0], board.standard()
     seen = MarkerEyes(calibration, geometry)(frame)
-    found, drawn = len(seen.corners_px) // 4, len(geometry.markers)
-    text = f"{cv2.__version__}, {found} of {drawn} markers found in the picture"
-    advice = advice or ("" if found == drawn else ALL)
+    found = len(seen.corners_px) // 4
+    text = f"{cv2.__version__}, {found} markers found in the picture"
+    advice = advice or ("" if seen.status == "tracking" else ALL)
     return Finding("opencv", not advice, text, advice)
 
 

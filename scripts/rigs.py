@@ -9,10 +9,11 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Eyes
+from endolock.vision.track import Selection, TrackEyes
 from endolock.vision.truth import TruthEyes
 
 RIGS = ("twin",)
-VISIONS = ("markers", "truth")
+VISIONS = ("markers", "track", "truth")
 
 
 def make(
@@ -24,6 +25,7 @@ def make(
     numerics: str = "default",
     seed: int,
     overview: bool = False,
+    select: Selection | None = None,
 ) -> tuple[TwinRig, Eyes]:
     """Make a rig, with its first picture taken, and what looks at its frames.
 
@@ -35,11 +37,15 @@ def make(
         numerics: how finely it is simulated, one of `NUMERICS`.
         seed: of every random number.
         overview: whether a fixed camera takes pictures too.
+        select: rectangle of the first picture to follow, with track only.
 
     Raises:
-        ConfigError: one of the names is unknown, or pictures cannot be rendered here.
+        ConfigError: one of the names is unknown, pictures cannot be rendered here, or the selection
+            is not on the board in the picture.
     """
     made_of = check(rig, vision, instrument, numerics)
+    if select and vision != "track":
+        raise ConfigError(f"--select goes with --vision track, not with {vision}")
     pictures = vision != "truth"
     twin = TwinRig(
         scenario,
@@ -50,9 +56,16 @@ def make(
         overview=overview,
     )
     twin.clock.sleep_until(0.0)
-    if pictures:
-        return twin, MarkerEyes(twin.camera.calibration, twin.board)
-    return twin, TruthEyes(twin.truth)
+    calibration = twin.camera.calibration
+    if vision == "truth":
+        return twin, TruthEyes(twin.truth)
+    if vision == "markers":
+        return twin, MarkerEyes(calibration, twin.board)
+    eyes = TrackEyes(calibration, twin.board, select)
+    if select:
+        left, top, width, height = select
+        twin.aim((left + (width - 1) / 2, top + (height - 1) / 2))
+    return twin, eyes
 
 
 def check(rig: str, vision: str, instrument: str, numerics: str = "default") -> Instrument:

@@ -20,6 +20,7 @@ from endolock.scripts import output, recorder, rigs
 from endolock.scripts.progress import progress
 from endolock.twin import scenario as scenarios
 from endolock.twin.scenario import Scenario
+from endolock.vision.track import Selection
 
 UNRECORDED = ("json", "view", "dry_run")
 """Options that change nothing about the run."""
@@ -37,7 +38,11 @@ class Request:
     rig: str = "twin"
     """What to drive: twin."""
     vision: str = "markers"
-    """markers: find the board in the pictures; truth: no pictures, exact projections, faster."""
+    """markers: find the board in the pictures; track: follow the target without markers; truth: no
+    pictures, exact projections, faster."""
+    select: tyro.conf.DisallowNone[str | None] = None
+    """With track: rectangle of the first picture to follow, as X,Y,WIDTH,HEIGHT [px]; else 41x41 px
+    around the board's target."""
     instrument: str = "pretensioned"
     """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
     latency_s: tyro.conf.DisallowNone[float | None] = None
@@ -88,6 +93,23 @@ def overrides(request: Request) -> dict[str, float]:
     return {key: value for key, value in options.items() if value is not None}
 
 
+def selection(text: str | None) -> Selection | None:
+    """Read X,Y,WIDTH,HEIGHT.
+
+    Raises:
+        ConfigError: it is not four whole numbers.
+    """
+    if text is None:
+        return None
+    try:
+        left, top, width, height = (int(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(
+            f"--select '{text}' is not X,Y,WIDTH,HEIGHT in whole pixels; use such as 300,220,41,41"
+        ) from None
+    return left, top, width, height
+
+
 def resolve(request: Request) -> Scenario:
     """Check a request and load its scenario; nothing is made or written.
 
@@ -96,6 +118,7 @@ def resolve(request: Request) -> Scenario:
     """
     laws.check(request.controller)
     rigs.check(request.rig, request.vision, request.instrument)
+    selection(request.select)
     scenario = scenarios.load(request.scenario, overrides(request))
     if scenario.scored_from_s >= scenario.duration_s:
         raise ConfigError(
@@ -130,6 +153,7 @@ def perform(
         instrument=request.instrument,
         seed=request.seed,
         overview=True,
+        select=selection(request.select),
     )
     with rig:
         controller = laws.make(request.controller, rig.camera.calibration)

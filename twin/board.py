@@ -1,52 +1,153 @@
-"""The printed target board: where its markers are, and the picture that is printed on it."""
+"""The printed boards: nested markers around targets, and the pictures that are printed on them.
+
+Markers of 20, 8 and 2.5 mm serve from 16 cm down to 1 cm: a side of 18 px is always detected, and
+with f = 262 px they have that up to 29, 11 and 3.6 cm. The small ones stand in the middle, which
+is all that is seen from nearby, and have a finer texture there.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from endolock.hw.api import BoardGeometry, Image
+from endolock.twin import tissue
 
-TEXELS_PER_MM = 5
-"""Print resolution: 2.3 texels a pixel at 12 cm; markers are found best at 1-3."""
+DICTIONARY = "DICT_4X4_50"
+SIZE_M = 0.100
+CENTRE_M = 0.044
+"""Side of the middle square with the finer texture [m]."""
+TEXELS_PER_MM = 6
+CENTRE_TEXELS_PER_MM = 24
+"""Whole texels for every module of a marker, six to a side; 2.7 a pixel at 12 cm, 1.4 at 1.5 cm
+with f = 262 px. Markers are found best at 1-3."""
 PAPER = (236, 232, 222)
 INK = (26, 24, 28)
-RINGS = ((15.0, INK), (13.0, PAPER), (11.0, (178, 34, 48)), (4.0, PAPER), (1.5, INK))
-"""The target: discs from the largest to the smallest, radius [mm] and colour."""
+RED = (178, 34, 48)
+
+
+class Patch(NamedTuple):
+    """A target on a board."""
+
+    kind: str
+    """rings, a printed round target, or tissue."""
+    x: float
+    y: float
+    radius: float
+    """[m]"""
+
+
+class Print(NamedTuple):
+    """What is on a board."""
+
+    geometry: BoardGeometry
+    patches: tuple[Patch, ...]
+
+    def aimed_at(self, number: int) -> BoardGeometry:
+        """Return the geometry with one of the patches as the target."""
+        patch = self.patches[number]
+        return replace(self.geometry, target=(patch.x, patch.y))
+
+
+def _square(half: float) -> list[tuple[float, float]]:
+    """Corners of a square, top left first, clockwise."""
+    return [(-half, -half), (half, -half), (half, half), (-half, half)]
+
+
+def _ring(half: float) -> list[tuple[float, float]]:
+    """Corners of a square and the middles of its sides."""
+    return [*_square(half), (0, -half), (half, 0), (0, half), (-half, 0)]
+
+
+def _print(
+    patches: tuple[Patch, ...], rows: list[tuple[float, list[tuple[float, float]]]]
+) -> Print:
+    """Number markers of some sizes at some places."""
+    places = [(x, y, size) for size, row in rows for x, y in row]
+    markers = tuple((n, x, y, size) for n, (x, y, size) in enumerate(places))
+    target = patches[0].x, patches[0].y
+    geometry = BoardGeometry(dictionary=DICTIONARY, markers=markers, size_m=SIZE_M, target=target)
+    return Print(geometry, patches)
 
 
 def standard() -> BoardGeometry:
-    """Return the board of all scenarios: four 24 mm markers around a 30 mm target.
+    """Return the geometry of the board that scenarios use unless they say otherwise."""
+    return prints()["rings"].geometry
 
-    24 mm is 52 px at 12 cm and 39 px at 16 cm with f = 262 px; a side of 18 px is always detected.
-    """
-    return BoardGeometry(
-        dictionary="DICT_4X4_50",
-        markers=((0, -0.034, -0.034), (1, 0.034, -0.034), (2, 0.034, 0.034), (3, -0.034, 0.034)),
-        marker_size_m=0.024,
-        size_m=0.100,
+
+def prints() -> dict[str, Print]:
+    """Return all boards by name; the first patch of each is its target."""
+    corners = (0.020, _square(0.036))
+    ring = (0.008, _ring(0.013))
+    dots = (0.0025, _ring(0.0055))
+    middles = (0.008, [(0.0, -0.036), (0.036, 0.0), (0.0, 0.036), (-0.036, 0.0)])
+    several = (
+        Patch("rings", -0.011, -0.011, 0.007),
+        Patch("tissue", 0.011, -0.011, 0.008),
+        Patch("tissue", -0.011, 0.011, 0.008),
+        Patch("rings", 0.011, 0.011, 0.0035),
     )
+    between = (0.0025, [(0.0, y / 1e3) for y in (-18, -11, -4, 4, 11, 18)])
+    return {
+        "rings": _print((Patch("rings", 0.0, 0.0, 0.0035),), [corners, ring, dots]),
+        "tissue": _print((Patch("tissue", 0.0, 0.0, 0.020),), [corners, middles]),
+        "several": _print(several, [corners, middles, between]),
+    }
 
 
-def picture(board: BoardGeometry) -> Image:
-    """Draw the board as it is printed, RGB.
+def picture(board: Print, side_m: float, texels_per_mm: int) -> Image:
+    """Draw the middle of a board as it is printed, RGB.
 
     Args:
-        board: what to draw; marker sides must be whole modules at `TEXELS_PER_MM`.
+        board: what to draw; marker sides must be whole modules at that resolution.
+        side_m: side of the square to draw, around the board's centre [m].
+        texels_per_mm: resolution.
     """
-    scale = TEXELS_PER_MM * 1000.0
-    n = round(board.size_m * scale)
+    scale = texels_per_mm * 1000.0
+    n = round(side_m * scale)
     image = np.full((n, n, 3), PAPER, np.uint8)
-    # A texel covers 1/scale; drawing with 4 fractional bits puts centres between texels.
-    centre = (np.array(board.target) + board.size_m / 2) * scale - 0.5
-    fixed_point = tuple(int(v) for v in np.rint(centre * 16))
-    for radius_mm, colour in RINGS:
-        radius = round(radius_mm * TEXELS_PER_MM * 16)
-        cv2.circle(image, fixed_point, radius, colour, cv2.FILLED, cv2.LINE_AA, shift=4)
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-    side = round(board.marker_size_m * scale)
-    for marker, x, y in board.markers:
-        u, v = (round((c + board.size_m / 2) * scale) - side // 2 for c in (x, y))
+    for seed, patch in enumerate(board.patches):
+        # A texel covers 1/scale; drawing with 4 fractional bits puts centres between texels.
+        centre = (np.array([patch.x, patch.y]) + side_m / 2) * scale - 0.5
+        DRAWN[patch.kind](image, centre, patch.radius * scale, seed)
+    geometry = board.geometry
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, geometry.dictionary))
+    for marker, x, y, size in geometry.markers:
+        if max(abs(x), abs(y)) + size / 2 > side_m / 2:
+            continue
+        side = round(size * scale)
+        u, v = (round((c - size / 2 + side_m / 2) * scale) for c in (x, y))
         bits = cv2.aruco.generateImageMarker(dictionary, marker, side)
         image[v : v + side, u : u + side] = np.where(bits[..., None] > 0, PAPER, INK)
     return image
+
+
+def rings(radius: float) -> tuple[tuple[float, tuple[int, int, int]], ...]:
+    """Discs of the round target, from the largest to the smallest: radius and colour."""
+    shares = ((1.0, INK), (0.87, PAPER), (0.73, RED), (0.27, PAPER), (0.1, INK))
+    return tuple((radius * share, colour) for share, colour in shares)
+
+
+def _draw_rings(image: Image, centre: np.ndarray, radius: float, _seed: int) -> None:
+    fixed_point = tuple(int(v) for v in np.rint(centre * 16))
+    for size, colour in rings(radius):
+        disc = round(size * 16)
+        cv2.circle(image, fixed_point, disc, colour, cv2.FILLED, cv2.LINE_AA, shift=4)
+
+
+def _draw_tissue(image: Image, centre: np.ndarray, radius: float, seed: int) -> None:
+    side = 2 * round(radius)
+    disc = tissue.disc(side, seed)
+    u, v = np.rint(centre + 0.5 - side / 2).astype(int)
+    place = image[v : v + side, u : u + side]
+    place[...] = np.where(disc.any(axis=2, keepdims=True), disc, place)
+
+
+DRAWN: dict[str, Callable[[Image, np.ndarray, float, int], None]] = {
+    "rings": _draw_rings,
+    "tissue": _draw_tissue,
+}

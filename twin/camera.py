@@ -14,9 +14,7 @@ import mujoco
 
 import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
-from endolock.twin import scene
 from endolock.twin.randomness import generator
-from endolock.vision import camera_model
 
 
 class Renderer:
@@ -91,6 +89,7 @@ class TwinCamera:
         latency_s: exposure to delivery [s], also what the camera believes.
         jitter_s: the latency varies evenly by +- this [s].
         drop_fraction: share of the frames that never arrive [1].
+        repeat_fraction: share of the frames that arrive as a copy of the one before [1].
     """
 
     def __init__(
@@ -102,12 +101,15 @@ class TwinCamera:
         latency_s: float = 0.0,
         jitter_s: float = 0.0,
         drop_fraction: float = 0.0,
+        repeat_fraction: float = 0.0,
     ) -> None:
         self._calibration, self._clock = calibration, clock
         self._latency_s, self._jitter_s, self._drop_fraction = latency_s, jitter_s, drop_fraction
         self._jitter = generator(seed, "camera.jitter")
         self._drops = generator(seed, "camera.drops")
-        self._line: deque[tuple[float, int, Image | None]] = deque()
+        self._repeats, self._repeat_fraction = generator(seed, "camera.repeats"), repeat_fraction
+        self._line: deque[tuple[float, int, Image | None, bool]] = deque()
+        self._sent: Image | None = None
         self._newest: Frame | None = None
         self._last_available = 0.0
 
@@ -127,7 +129,9 @@ class TwinCamera:
 
     def send(self, seq: int, available: float, image: Image | None) -> None:
         """Put a picture on its way, to arrive at `available` [s]."""
-        self._line.append((available, seq, image))
+        repeated = seq > 0 and self._repeats.random() < self._repeat_fraction
+        self._sent = self._sent if repeated else image
+        self._line.append((available, seq, self._sent, repeated))
 
     def latest(self) -> Frame | None:
         """Return the newest frame delivered so far, None before the first."""
@@ -136,22 +140,13 @@ class TwinCamera:
         while self._line and self._line[0][0] <= now:
             arrived = self._line.popleft()
         if arrived:
-            available, seq, image = arrived
+            available, seq, image, repeated = arrived
             self._newest = Frame(
                 image=image,
                 t_capture=available - self._latency_s,
                 t_available=available,
                 seq=seq,
                 dropped=seq - 1 - (self._newest.seq if self._newest else -1),
+                repeated=repeated,
             )
         return self._newest
-
-
-def of_model(model: mujoco.MjModel, name: str, width: int, height: int) -> tuple[int, Calibration]:
-    """Look up a camera of the model; return its number and its geometry in a picture of that size.
-
-    Raises:
-        ConfigError: there is none of that name.
-    """
-    index = scene.camera_id(model, name)
-    return index, camera_model.from_fovy(width, height, float(model.cam_fovy[index]))

@@ -1,4 +1,4 @@
-"""Writes models/endoscope: section.xml, scene.xml and the board's picture.
+"""Writes models/endoscope: section.xml, scene.xml and the pictures on board and wall.
 
 Run it after a change of the builders: ./run python -m endolock.twin.generate
 """
@@ -28,7 +28,7 @@ def section_xml() -> str:
 
 
 def scene_xml() -> str:
-    """Return the text of scene.xml, which includes section.xml; the board's picture must exist."""
+    """Return the text of scene.xml, which includes section.xml; its pictures must exist."""
     text = scene.build_alone(folder()).to_xml()
     head, rest = text.split("  <compiler", 1)
     return _wrapped(f'{head}  <include file="section.xml"/>\n\n  <compiler{rest}')
@@ -53,9 +53,10 @@ def _wrapped(text: str) -> str:
 def main() -> None:
     """Write all files."""
     place = folder()
-    (place / scene.TEXTURE).parent.mkdir(exist_ok=True)
-    picture = cv2.cvtColor(boards.picture(boards.standard()), cv2.COLOR_RGB2BGR)
-    cv2.imwrite(str(place / scene.TEXTURE), picture)
+    for name, image in scene.pictures(boards.prints()["rings"]).items():
+        file = place / scene.TEXTURES[name]
+        file.parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(file), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     (place / "section.xml").write_text(section_xml(), encoding="utf-8")
     (place / "scene.xml").write_text(scene_xml(), encoding="utf-8")
 

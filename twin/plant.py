@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, radians, sin
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
-from endolock.twin import scene
+from endolock.twin import optics, scene
 from endolock.twin import transmission as cable
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument, Numerics
@@ -51,18 +51,22 @@ class TwinPlant:
     ) -> None:
         self.instrument = instrument
         self.course = Course(scenario, seed)
+        axis = radians(scenario.board.tilt_axis_deg)
+        half = radians(scenario.board.tilt_deg) / 2
+        self._tilt = cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
+        self.base_from_board = _matrix(self._tilt)
         self._distance_m = scenario.board.distance_m
         plates = tuple(occluder.size_m for occluder in scenario.occluder)
-        spec = scene.build(instrument, numerics, occluders=plates)
-        camera = scenario.camera
-        spec.visual.global_.offwidth = max(640, camera.width)
-        spec.visual.global_.offheight = max(480, camera.height)
-        spec.camera("tip").fovy = camera.fovy_deg
+        board, light = scenario.board, scenario.light
+        facets = scene.FACETS if light.falls_off else 1
+        spec = scene.build(instrument, numerics, board.kind, plates, facets)
+        scene.set_light(spec, light.room, light.tip, light.back, falls_off=light.falls_off)
+        scene.set_shot(spec, optics.shot(scenario.camera))
         if scenario.gravity:
             spec.option.gravity = GRAVITY
         self._origin = scene.camera_at_rest(instrument)
         behind = self._distance_m + scene.WALL_DISTANCE_M
-        spec.geom("wall").pos[0] = self._origin[0] + behind
+        spec.body("wall").pos[0] = self._origin[0] + behind
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         model = self.model
@@ -78,6 +82,8 @@ class TwinPlant:
         self._refresh_steps = round(cable.REFRESH_S / model.opt.timestep)
 
         mujoco.mj_resetDataKeyframe(model, self.data, model.key("home").id)
+        upright = scene.board_quaternion(self.base_from_board)
+        self.data.mocap_quat[self._moving[0]] = upright
         slides = cable.rest_slides(instrument, numerics.nodes, self.course.shaft_bend_rad(0.0))
         for n, slide in enumerate(slides, 1):
             for wire in cable.WIRES:
@@ -159,7 +165,7 @@ class TwinPlant:
         plant = Plant(
             bend_rad=bend[:2],
             tip=_pose(moment.t, backbone[-1], rotation),
-            board=Pose(t=moment.t, position=moment.board, quaternion=(1.0, 0.0, 0.0, 0.0)),
+            board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
             backbone=backbone,
             tension_handle_n=tuple(moment.tensions[0]),
             tension_section_n=tuple(moment.tensions[1]),
@@ -187,6 +193,12 @@ class TwinPlant:
         camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
         points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
         return points
+
+
+def _matrix(quaternion: tuple[float, ...]) -> Vector:
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion))
+    return matrix.reshape(3, 3)
 
 
 def _in_camera_axes(body: Vector) -> Vector:

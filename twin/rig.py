@@ -7,22 +7,26 @@ stand at fixed points of the physics grid, so cutting a sleep into pieces change
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
-from math import ceil
+from dataclasses import asdict, replace
+from math import ceil, inf
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from endolock.hw.api import BoardGeometry, ConfigError
+import numpy as np
+
+from endolock.hw.api import ConfigError, Image
 from endolock.hw.guard import Guard
 from endolock.twin import board as boards
-from endolock.twin import camera, scenario
+from endolock.twin import camera, optics, scenario, scene, shutter
 from endolock.twin.drive import TwinDrive
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.plant import TwinPlant
 from endolock.twin.scenario import Scenario
+from endolock.twin.shutter import Moment
 from endolock.twin.tracker import TwinTracker
 from endolock.twin.truth import TwinTruth
+from endolock.vision import camera_model
 
 OVERVIEW_SIZE = (480, 360)
 OVERVIEW_EVERY = 2
@@ -81,7 +85,8 @@ class TwinRig:
         if seed < 0:
             raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
         self.scenario = load(scenario)
-        self.board: BoardGeometry = boards.standard()
+        printed = boards.prints()[self.scenario.board.kind]
+        self.board = printed.aimed_at(self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
@@ -91,9 +96,9 @@ class TwinRig:
             self.tracker = TwinTracker(self.scenario.tracker, self.plant, self.clock, seed)
 
         video = self.scenario.camera
-        size = video.width, video.height
         model = self.plant.model
-        self._tip, calibration = camera.of_model(model, "tip", *size)
+        calibration = optics.calibration(video)
+        self._tip, self._fixed = (scene.camera_id(model, name) for name in ("tip", "overview"))
         self.camera = camera.TwinCamera(
             calibration,
             self.clock,
@@ -101,22 +106,28 @@ class TwinRig:
             latency_s=video.latency_s,
             jitter_s=video.jitter_s,
             drop_fraction=video.drop_fraction,
+            repeat_fraction=video.repeat_fraction,
         )
-        self._fixed, fixed_calibration = camera.of_model(model, "overview", *OVERVIEW_SIZE)
         self.overview: camera.TwinCamera | None = None
         if overview and pictures:
-            self.overview = camera.TwinCamera(fixed_calibration, self.clock, seed)
+            fixed = camera_model.from_fovy(*OVERVIEW_SIZE, scene.OVERVIEW_FOVY_DEG)
+            self.overview = camera.TwinCamera(fixed, self.clock, seed)
         # Frames under way, and a second more for who asks late.
         under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._renderer = camera.Renderer(model) if pictures else None
-        self._exposed = 0
+        self._optics = optics.Optics(video, seed) if pictures else None
+        self._shot = optics.shot(video)
+        self._available: float | None = None
+        self._pictures: list[Image] = []
+        self._shutter = shutter.moments(video, self.clock.timestep_s, pictures=pictures)
+        self._moment = next(self._shutter)
 
     def advance(self, step: int) -> None:
         """Move the physics up to a grid point, exposing frames and tracking on the way."""
         self._look()
         while self.plant.step_count < step:
-            due = self._exposure_step(self._exposed)
+            due = self._moment.step
             if self.tracker:
                 due = min(due, self.tracker.due_step())
             self.plant.advance(min(step, due))
@@ -131,6 +142,25 @@ class TwinRig:
             "calibration": asdict(self.camera.calibration),
             "board": asdict(self.board),
         }
+
+    def aim(self, pixel: tuple[float, float]) -> None:
+        """Make the point of the board that is seen at a pixel now the target.
+
+        Raises:
+            ConfigError: there is no board at that pixel.
+        """
+        plant = self.truth.now().plant
+        rotation = plant.tip.matrix
+        board = self.plant.base_from_board
+        # In board axes: where the camera is, and the way the ray goes.
+        start = board.T @ np.subtract(plant.tip.position, plant.board.position)
+        way = board.T @ rotation @ camera_model.ray(self.camera.calibration, pixel)
+        x, y, _ = (start - start[2] / way[2] * way).tolist() if way[2] > 0 else (inf, inf, 0)
+        if not max(abs(x), abs(y)) <= self.board.size_m / 2:
+            u, v = pixel
+            raise ConfigError(f"at pixel {u:g},{v:g} there is no board; select a part of it")
+        self.board = replace(self.board, target=(x, y))
+        self.truth.target = (x, y, 0.0)
 
     def close(self) -> None:
         """Switch the handles off and give the OpenGL context back; may be called twice."""
@@ -152,32 +182,33 @@ class TwinRig:
         """Close."""
         self.close()
 
-    def _exposure_step(self, seq: int) -> int:
-        return round(seq / self.scenario.camera.frame_rate_hz / self.clock.timestep_s)
-
     def _look(self) -> None:
         """Take what is due at this step."""
-        if self.plant.step_count >= self._exposure_step(self._exposed):
-            self._expose()
+        while self.plant.step_count >= self._moment.step:
+            self._expose(self._moment)
+            self._moment = next(self._shutter)
         while self.tracker and self.plant.step_count >= self.tracker.due_step():
             self.tracker.measure()
 
-    def _expose(self) -> None:
-        seq, t = self._exposed, self.plant.t
-        self._exposed += 1
-        self.truth.expose(seq)
-        available = self.camera.delivery(t)
-        if available is None:
-            return
-        image = None
+    def _expose(self, moment: Moment) -> None:
+        seq, t = moment.seq, self.plant.t
+        if moment.nominal:
+            self.truth.expose(seq)
+            self._available = self.camera.delivery(t)
+            if self.overview and self._renderer and seq % OVERVIEW_EVERY == 0:
+                self.plant.draw_board()
+                fixed = self._renderer.draw(self.plant.data, self._fixed, *OVERVIEW_SIZE)
+                self.overview.send(seq, t, fixed)
         if self._renderer:
             self.plant.draw_board()
-            video, data = self.scenario.camera, self.plant.data
-            image = self._renderer.draw(data, self._tip, video.width, video.height)
-            if self.overview and seq % OVERVIEW_EVERY == 0:
-                fixed = self._renderer.draw(data, self._fixed, *OVERVIEW_SIZE)
-                self.overview.send(seq, t, fixed)
-        self.camera.send(seq, available, image)
+            size = self._shot.width, self._shot.height
+            self._pictures.append(self._renderer.draw(self.plant.data, self._tip, *size))
+        if not moment.last:
+            return
+        taken, self._pictures = self._pictures, []
+        if self._available is not None:
+            image = self._optics.develop(taken) if self._optics else None
+            self.camera.send(seq, max(self._available, t), image)
 
 
 def load(source: str | Path | Scenario) -> Scenario:

@@ -26,21 +26,69 @@ _Place = Annotated[float, Field(ge=-10, le=10)]
 
 
 class Board(Section):
-    """Where the board stands before it moves."""
+    """Which board, and where it stands before it moves."""
 
     distance_m: float = Field(default=0.12, gt=0.005, lt=1.5)
     """Depth ahead of the tip camera at rest [m]. Source: 12 cm, thesis ch. 6."""
+    kind: Literal["rings", "tissue", "several"] = "rings"
+    """What is printed in the middle; there are markers around it on each."""
+    target: int = Field(default=0, ge=0, le=3)
+    """Which patch of the board is the target; only `several` has more than the first, 0."""
+    tilt_deg: float = Field(default=0.0, ge=-85, le=85)
+    """Turn of the board about an axis in its plane through its centre [deg]."""
+    tilt_axis_deg: float = 0.0
+    """That axis in the picture: 0 right, 90 up [deg]."""
+
+    @model_validator(mode="after")
+    def _target_is_there(self) -> Self:
+        count = 4 if self.kind == "several" else 1
+        if self.target >= count:
+            raise ValueError(f"target {self.target}: board {self.kind} has {count}, from 0")
+        return self
+
+
+class Light(Section):
+    """What the board is seen by; the parts add up."""
+
+    room: float = Field(default=1.0, ge=0, le=4)
+    """Even light from all around, and some from above [1]. Assumed."""
+    tip: float = Field(default=1.0, ge=0, le=4)
+    """Light guide beside the camera [1]. Assumed."""
+    falls_off: bool = False
+    """Whether the tip's light falls with the square of the distance, and off its axis; at 50 mm it
+    is as without."""
+    back: float = Field(default=0.0, ge=0, le=1)
+    """Light that the board itself gives, from behind or as a screen [1]. Assumed."""
 
 
 class Camera(Section):
-    """Tip camera and video chain."""
+    """Tip camera and video chain; all but geometry, rate and latency is ideal by default."""
 
     width: int = Field(default=640, ge=16, le=4096)
     """[px]"""
     height: int = Field(default=480, ge=16, le=4096)
     """[px]"""
+    projection: Literal["pinhole", "equidistant"] = "pinhole"
+    """equidistant: a fisheye, its picture is remapped from a wider one; 3 times the time."""
     fovy_deg: float = Field(default=85.0, gt=1, lt=170)
-    """Full vertical field of view [deg]. Assumed; f = 262 px at 480 rows."""
+    """Full vertical field of view of a pinhole [deg]. Assumed; f = 262 px at 480 rows."""
+    diagonal_deg: float = Field(default=120.0, ge=40, le=150)
+    """Full field of view of a fisheye across the corners [deg]. Assumed: 120 and 140 are common."""
+    mask: Literal["none", "octagon", "circle"] = "none"
+    """What part of the picture shows anything."""
+    vignette: float = Field(default=0.0, ge=0, le=1)
+    """Loss of light in the corners [1]; it grows with the fourth power of the radius. Assumed."""
+    gain: float = Field(default=1.0, gt=0, le=16)
+    """Factor on all brightness; what is above white is cut [1]. Assumed."""
+    exposure_s: float = Field(default=0.0, ge=0, le=0.1)
+    """How long a frame is exposed, around its time [s]; 0 gives no motion blur. Assumed."""
+    sub_exposures: int = Field(default=5, ge=1, le=31)
+    """Pictures averaged over an exposure, an odd number; each is drawn. Assumed: at 7 px of blur
+    they stand 1.4 px apart."""
+    noise: float = Field(default=0.0, ge=0, le=64)
+    """Standard deviation of the sensor's noise [grey levels of 255]. Assumed."""
+    jpeg_quality: int = Field(default=0, ge=0, le=100)
+    """Every frame is coded and decoded like a JPEG of that quality; 0: not at all. Assumed."""
     frame_rate_hz: float = Field(default=25.0, gt=0, le=200)
     """Exposures per second [Hz]. Assumed."""
     latency_s: float = Field(default=0.4, ge=0, le=5)
@@ -50,6 +98,19 @@ class Camera(Section):
     """The latency varies evenly by +- this [s]. Assumed."""
     drop_fraction: float = Field(default=0.0, ge=0, lt=1)
     """Share of the frames that never arrive [1]. Assumed."""
+    repeat_fraction: float = Field(default=0.0, ge=0, lt=1)
+    """Share of the frames in place of which the one before is delivered once more [1]. Assumed."""
+
+    @model_validator(mode="after")
+    def _exposure_fits(self) -> Self:
+        if self.sub_exposures % 2 == 0:
+            raise ValueError(f"sub_exposures {self.sub_exposures} is even; use an odd number")
+        if self.exposure_s * self.frame_rate_hz > 1:
+            raise ValueError(
+                f"exposure_s {self.exposure_s:g} is longer than a frame of "
+                f"{1 / self.frame_rate_hz:g} s; use less"
+            )
+        return self
 
 
 class Tracker(Section):
@@ -129,6 +190,7 @@ class Scenario(Section):
     gravity: bool = False
     """Whether section and tip have weight, down in the picture at rest. Assumed: none."""
     board: Board = Board()
+    light: Light = Light()
     motion: tuple[Motion, ...] = ()
     """Movements of the board within its plane; they add up."""
     shaft: tuple[Shaft, ...] = ()
@@ -152,7 +214,12 @@ class Scenario(Section):
         return self
 
 
-SECTIONS: dict[str, type[BaseModel]] = {"board": Board, "camera": Camera, "tracker": Tracker}
+SECTIONS: dict[str, type[BaseModel]] = {
+    "board": Board,
+    "light": Light,
+    "camera": Camera,
+    "tracker": Tracker,
+}
 LISTS: dict[str, type[BaseModel]] = {"shaft": Shaft, "push": Push, "occluder": Occluder}
 """What is written [board], and what is written [[shaft]]; [[motion]] has `motion.KINDS`."""
 

@@ -5,19 +5,27 @@ Board and occluders are mocap bodies: they move as they are told and nothing pus
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from endolock.hw.api import BoardGeometry, ConfigError, Vector
+from endolock.hw.api import BoardGeometry, ConfigError, Image, Vector
 from endolock.twin import board as boards
-from endolock.twin import section
+from endolock.twin import section, tissue
 from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.optics import Shot
 
-TEXTURE = Path("assets/board.png")
-"""The printed board, beside scene.xml."""
+TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_centre", "wall")}
+"""The printed board, its middle and the wall behind it, beside scene.xml."""
+WALL_M = 3.0
+WALL_TILE_M = 0.20
+"""Side of the wall, and of the piece of tissue that repeats on it [m]. Assumed."""
+FACETS = 24
+"""Cells to a side of board and wall where light falls off: it is worked out at their corners."""
+TIP_LIGHT_M = 0.05
+"""Where the tip's light is as bright with its fall-off as without [m]. Assumed."""
 REST_DISTANCE_M = 0.12
 """Board to tip camera in the committed scene [m]. Source: 12 cm, thesis ch. 6."""
 WALL_DISTANCE_M = 0.10
@@ -44,20 +52,31 @@ def camera_at_rest(instrument: Instrument) -> Vector:
     return np.array([instrument.bending_length_m + instrument.rigid_tip_m, 0.0, 0.0])
 
 
+def pictures(board: boards.Print) -> dict[str, Image]:
+    """Draw what `TEXTURES` names."""
+    return {
+        "board": boards.picture(board, boards.SIZE_M, boards.TEXELS_PER_MM),
+        "board_centre": boards.picture(board, boards.CENTRE_M, boards.CENTRE_TEXELS_PER_MM),
+        "wall": tissue.picture(512, 128.0, seed=7),
+    }
+
+
 def add_scene(
     spec: mujoco.MjSpec,
     board: BoardGeometry,
     camera: Vector,
     occluders: Sequence[tuple[float, float]] = (),
+    facets: int = 1,
 ) -> None:
     """Add board, wall, lights, fixed camera and occluders to a model.
 
     Args:
-        spec: the model; its texture directory must hold the board's picture.
+        spec: the model; its texture directory must hold the pictures.
         board: the board's geometry.
         camera: world position of the tip camera at rest [m].
         occluders: width and height of each plate [m]; they wait halfway to the board, and the
             origin of a body is the centre of the face towards the camera.
+        facets: cells to a side of board and wall.
     """
     spec.stat.extent = 0.2
     visual = spec.visual
@@ -69,35 +88,26 @@ def add_scene(
     visual.headlight.ambient = [0.35, 0.35, 0.35]
     visual.headlight.diffuse = visual.headlight.specular = [0.0, 0.0, 0.0]
 
-    texture = spec.add_texture(name="board", file=TEXTURE.as_posix())
-    texture.type = mujoco.mjtTexture.mjTEXTURE_2D
-    material = spec.add_material(name="board", specular=0.0, shininess=0.0)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "board"
-    spec.add_material(name="wall", rgba=[0.72, 0.42, 0.38, 1.0], specular=0.0, shininess=0.0)
+    for name, file in TEXTURES.items():
+        texture = spec.add_texture(name=name, file=file.as_posix())
+        texture.type = mujoco.mjtTexture.mjTEXTURE_2D
+        material = spec.add_material(name=name, specular=0.0, shininess=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     if occluders:
         spec.add_material(name="occluder", rgba=OCCLUDER_COLOUR, specular=0.0, shininess=0.0)
 
     world = spec.worldbody
     front = [0.0, -1.0, 0.0, 0.0, 0.0, 1.0]  # x right, y up, normal towards the camera
-    distance = REST_DISTANCE_M + WALL_DISTANCE_M
-    wall = world.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_PLANE, material="wall")
-    wall.pos, wall.size = camera + [distance, 0.0, 0.0], [1.5, 1.5, 0.1]
-    wall.alt.type, wall.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
-    wall.contype = wall.conaffinity = 0
-
-    target = world.add_body(name="target", pos=camera + [REST_DISTANCE_M, 0.0, 0.0], mocap=True)
-    target.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    target.alt.xyaxes = front
-    half = board.size_m / 2
-    # Two triangles with given texture corners; a plane takes twice as long to draw.
-    sheet = spec.add_mesh(name="board")
-    sheet.uservert = [-half, -half, 0, half, -half, 0, half, half, 0, -half, half, 0]
-    sheet.usertexcoord = [0, 1, 1, 1, 1, 0, 0, 0]
-    sheet.userface = sheet.userfacetexcoord = [0, 1, 2, 0, 2, 3]
-    sheet.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    paper = target.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_MESH, material="board")
-    paper.meshname = "board"
-    paper.contype = paper.conaffinity = 0
+    for name, behind in (("wall", WALL_DISTANCE_M), ("target", 0.0)):
+        place = camera + [REST_DISTANCE_M + behind, 0.0, 0.0]
+        body = world.add_body(name=name, pos=place, mocap=not behind)
+        body.alt.type, body.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
+    half, middle = board.size_m / 2, boards.CENTRE_M / 2
+    tiles = WALL_M / WALL_TILE_M
+    _add_sheet(spec, "wall", "wall", _grid(WALL_M / 2, facets), WALL_M / tiles)
+    _add_sheet(spec, "target", "board", _frame(half, middle, facets), 2 * half)
+    _add_sheet(spec, "target", "board_centre", _grid(middle, facets), 2 * middle)
+    target = spec.body("target")
     x, y = board.target
     target.add_site(name="target", pos=[x, -y, 0.0], size=[0.001, 0.001, 0.001], group=4)
 
@@ -125,6 +135,80 @@ def add_scene(
     overview.alt.xyaxes = np.round(axes, 9) + 0.0
 
 
+Cells = tuple[list[tuple[float, float]], list[tuple[int, int, int]]]
+"""Corners (right, up) [m], and triangles of their numbers."""
+
+
+def _grid(half: float, cells: int) -> Cells:
+    """Cut a square, from -half to half, into cells of two triangles."""
+    lines = np.linspace(-half, half, cells + 1)
+    return _cells(lines, lines, lambda _x, _y: True)
+
+
+def _frame(half: float, hole: float, cells: int) -> Cells:
+    """Cut a square with a square hole into cells."""
+    side = np.linspace(-half, -hole, max(1, cells // 4) + 1)
+    lines = np.concatenate([side, np.linspace(-hole, hole, cells + 1)[1:-1], -side[::-1]])
+    return _cells(lines, lines, lambda x, y: max(abs(x), abs(y)) > hole)
+
+
+def _cells(x: Vector, y: Vector, wanted: Callable[[float, float], bool]) -> Cells:
+    columns = len(x)
+    triangles = []
+    for row, column in np.ndindex(len(y) - 1, columns - 1):
+        if wanted((x[column] + x[column + 1]) / 2, (y[row] + y[row + 1]) / 2):
+            first = row * columns + column
+            triangles += [
+                (first, first + 1, first + columns + 1),
+                (first, first + columns + 1, first + columns),
+            ]
+    return [(float(a), float(b)) for b in y for a in x], triangles
+
+
+def _add_sheet(spec: mujoco.MjSpec, body: str, name: str, cells: Cells, tile_m: float) -> None:
+    """Add a flat mesh with its texture, one piece of which is `tile_m` wide, centred.
+
+    Triangles with given texture corners: a plane takes twice as long to draw.
+    """
+    corners, triangles = cells
+    sheet = spec.add_mesh(name=name)
+    sheet.uservert = [c for x, y in corners for c in (x, y, 0.0)]
+    sheet.usertexcoord = [c for x, y in corners for c in (x / tile_m + 0.5, 0.5 - y / tile_m)]
+    sheet.userface = sheet.userfacetexcoord = [i for triangle in triangles for i in triangle]
+    sheet.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    geom = spec.body(body).add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, material=name)
+    geom.meshname = name
+    geom.contype = geom.conaffinity = 0
+
+
+def set_light(
+    spec: mujoco.MjSpec, room: float, tip: float, back: float, *, falls_off: bool
+) -> None:
+    """Set the brightness of room, tip and board [1]; see `scenario.Light`."""
+    spec.visual.headlight.ambient = room * np.array(spec.visual.headlight.ambient)
+    for name, part in (("room", room), ("tip", tip)):
+        spec.light(name).diffuse = part * np.array(spec.light(name).diffuse)
+    if falls_off:
+        spec.light("tip").attenuation = [0.0, 0.0, TIP_LIGHT_M**-2]
+    for name in ("board", "board_centre"):
+        spec.material(name).emission = back
+
+
+def set_shot(spec: mujoco.MjSpec, shot: Shot) -> None:
+    """Make the tip camera take pictures of that size and field of view."""
+    spec.visual.global_.offwidth = max(640, shot.width)
+    spec.visual.global_.offheight = max(480, shot.height)
+    spec.camera("tip").fovy = shot.fovy_deg
+
+
+def board_quaternion(base_from_board: Vector) -> Vector:
+    """Return the orientation of the board's body in the world, for its mocap."""
+    facing = np.diag([1.0, -1.0, -1.0])  # the body has x right, y up, z towards the camera
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, (WORLD_FROM_BASE @ base_from_board @ facing).ravel())
+    return quaternion
+
+
 def build_alone(folder: Path) -> mujoco.MjSpec:
     """Build the scene without the section, as scene.xml holds it.
 
@@ -144,26 +228,28 @@ def build_alone(folder: Path) -> mujoco.MjSpec:
 def build(
     instrument: Instrument | None = None,
     numerics: Numerics | None = None,
-    board: BoardGeometry | None = None,
+    board: str = "rings",
     occluders: Sequence[tuple[float, float]] = (),
+    facets: int = 1,
 ) -> mujoco.MjSpec:
     """Build section and scene in one model, ready to compile.
 
     Args:
         instrument: what the section is made of; the defaults if None.
         numerics: how finely it is cut; the defaults if None.
-        board: the target board; the standard one if None.
+        board: which board, by name.
         occluders: width and height of plates between tip and board [m].
+        facets: cells to a side of board and wall.
     """
     instrument = instrument or Instrument()
     spec = section.build(instrument, numerics)
-    board = board or boards.standard()
-    add_scene(spec, board, camera_at_rest(instrument), occluders)
-    texture = spec.texture("board")
-    texture.file = ""
-    image = boards.picture(board)
-    texture.height, texture.width, texture.nchannel = image.shape
-    texture.data = image.tobytes()
+    printed = boards.prints()[board]
+    add_scene(spec, printed.geometry, camera_at_rest(instrument), occluders, facets)
+    for name, image in pictures(printed).items():
+        texture = spec.texture(name)
+        texture.file = ""
+        texture.height, texture.width, texture.nchannel = image.shape
+        texture.data = image.tobytes()
     return spec
 
 

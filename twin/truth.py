@@ -25,7 +25,8 @@ class TwinTruth:
         self, plant: TwinPlant, calibration: Calibration, board: BoardGeometry, remember: int
     ) -> None:
         self._plant, self._calibration = plant, calibration
-        self._target = (*board.target, 0.0)
+        self.target = (*board.target, 0.0)
+        """The point on the board that is the target [m]."""
         self._remember = remember
         self._exposures: dict[int, Snapshot | TruthSample] = {}
 
@@ -50,7 +51,8 @@ class TwinTruth:
 
     def _explain(self, moment: Snapshot) -> TruthSample:
         plant, rotation = self._plant.explain(moment)
-        point = (np.add(moment.board, self._target) - plant.tip.position) @ rotation
+        target = np.add(moment.board, self._plant.base_from_board @ self.target)
+        point = (target - plant.tip.position) @ rotation
         pixel = camera_model.project(self._calibration, point)
         ahead = bool(point[2] > 0)
         angle = camera_model.off_axis_angle(self._calibration, pixel) if ahead else pi

@@ -43,6 +43,8 @@ class Observation:
     """Its variances and covariance (uu, uv, vv) [px2]."""
     distance_m: float = nan
     """Depth of the target along the optical axis [m]."""
+    reference_px: tuple[float, float] = (nan, nan)
+    """Where markers around the target say it is [px], for a target followed without them."""
     corners_px: tuple[tuple[float, float], ...] = ()
     """Marker corners found in the frame, for display."""
 
@@ -58,15 +60,15 @@ class Lock:
     """Counts frames without the target: SEARCHING -> TRACKING -> COASTING -> LOST -> TRACKING."""
 
     def __init__(self) -> None:
-        self._seen = False
+        self.status = Status.SEARCHING
+        """Its present state."""
         self._missed = 0
 
     def step(self, found: bool) -> Status:
         """Take in whether the newest frame showed the target; return the state of the lock."""
         if found:
-            self._seen, self._missed = True, 0
-            return Status.TRACKING
-        if not self._seen:
-            return Status.SEARCHING
-        self._missed += 1
-        return Status.COASTING if self._missed <= COAST_FRAMES else Status.LOST
+            self.status, self._missed = Status.TRACKING, 0
+        elif self.status is not Status.SEARCHING:
+            self._missed += 1
+            self.status = Status.COASTING if self._missed <= COAST_FRAMES else Status.LOST
+        return self.status

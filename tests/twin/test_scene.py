@@ -24,7 +24,8 @@ def _corners(image: Image, rig: TwinRig) -> dict[int, Vector]:
 
 
 def _picture(rig: TwinRig, name: str = "tip") -> tuple[Image, Calibration]:
-    index, calibration = camera.of_model(rig.plant.model, name, 640, 480)
+    index = scene.camera_id(rig.plant.model, name)
+    calibration = camera_model.from_fovy(640, 480, float(rig.plant.model.cam_fovy[index]))
     renderer = camera.Renderer(rig.plant.model)
     rig.plant.snapshot()
     rig.plant.draw_board()

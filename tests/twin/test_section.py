@@ -56,10 +56,10 @@ def test_committed_files_are_what_the_builders_write() -> None:
     place = generate.folder()
     assert (place / "section.xml").read_text() == generate.section_xml()
     assert (place / "scene.xml").read_text() == generate.scene_xml()
-    picture = cv2.imread(str(place / scene.TEXTURE))
-    expected = cv2.cvtColor(board.picture(board.standard()), cv2.COLOR_RGB2BGR)
-    assert picture is not None
-    assert np.array_equal(picture, expected)
+    for name, image in scene.pictures(board.prints()["rings"]).items():
+        picture = cv2.imread(str(place / scene.TEXTURES[name]))
+        assert picture is not None
+        assert np.array_equal(picture, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
 
 
 def test_the_committed_scene_is_the_twin() -> None:

@@ -1,0 +1,195 @@
+"""The reference that a tracker is anchored to: a patch of the first picture, and how to compare it.
+
+Pictures are compared after local contrast normalisation, (I - mean)/(deviation + floor) over a box
+around each pixel, which takes out gain, fall-off of the light and shadows.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endolock.hw.api import Image
+
+BOX = 31
+"""Side of the box over which contrast is normalised [px]. Assumed."""
+FLOOR = 6.0
+"""Added to the deviation [grey levels]: noise in flat parts must not become texture. Assumed."""
+CONTRAST = 48.0
+"""Grey levels of one deviation in the normalised picture."""
+MARGIN = 14
+"""Kept around the selected window [px]: the windows of its outermost points reach out so far."""
+POINTS = 40
+"""Most points followed."""
+MIN_POINTS = 8
+"""A window with fewer corners has no texture to follow. Assumed."""
+QUALITY = 0.02
+"""Least strength of a corner, as a share of the strongest. Assumed."""
+MIN_STRENGTH = 2e-3
+"""Least strength of the strongest corner, after normalisation: the smaller eigenvalue of the
+gradients' covariance. Assumed; noise alone stays below, printed rings reach 100 times it."""
+
+
+Points = NDArray[np.complex128]
+"""Places or offsets u + iv [px]."""
+
+
+class Affine(NamedTuple):
+    """How the reference is seen: offset d from its centre at place + turn d + stretch conj(d)."""
+
+    place: complex
+    """Pixel u + iv of the centre."""
+    turn: complex = 1.0 + 0.0j
+    """Scale times the rotation, clockwise in the picture."""
+    stretch: complex = 0.0j
+    """What is not a similarity: seen at a slant, a square becomes a parallelogram."""
+
+    @property
+    def scale(self) -> float:
+        """Size relative to the reference [1]."""
+        return abs(self.turn)
+
+    def moves(self, offsets: Points) -> Points:
+        """Offsets as they are seen, from the place."""
+        seen: Points = self.turn * offsets + self.stretch * offsets.conj()
+        return seen
+
+    def resized(self, factor: float) -> Affine:
+        """Return the same at another size."""
+        return Affine(self.place, factor * self.turn, factor * self.stretch)
+
+    def matrix(self, source: complex, place: complex) -> np.ndarray:
+        """2x3 matrix for `cv2.warpAffine` that moves a picture so, and `source` to `place`."""
+        x, y = self.turn + self.stretch, 1j * (self.turn - self.stretch)
+        shift = place - x * source.real - y * source.imag
+        return np.array([[x.real, y.real, shift.real], [x.imag, y.imag, shift.imag]])
+
+
+class View(NamedTuple):
+    """A normalised part of a picture."""
+
+    picture: Image
+    origin: complex
+    """Where its first pixel is in the whole picture, u + iv [px]."""
+    size: tuple[int, int]
+    """Width and height of the whole picture [px]."""
+
+    def contains(self, places: Points) -> np.ndarray:
+        """Which complex places lie within the whole picture."""
+        width, height = self.size
+        u, v = places.real, places.imag
+        return np.asarray((u > 0) & (v > 0) & (u < width - 1) & (v < height - 1))
+
+    def crop(self, middle: complex, half: tuple[int, int]) -> Image:
+        """Cut a window out, around a whole-numbered place in the whole picture."""
+        local = middle - self.origin
+        return crop(self.picture, (int(local.real), int(local.imag)), half)
+
+
+def view(grey: Image, middle: complex, half: tuple[int, int]) -> View:
+    """Normalise a window of a picture.
+
+    Args:
+        grey: the whole picture.
+        middle: of the window, whole numbers [px].
+        half: half its width and height [px].
+    """
+    u, v = int(middle.real), int(middle.imag)
+    edge = BOX // 2
+    area = normalised(crop(grey, (u, v), (half[0] + edge, half[1] + edge)))
+    height, width = grey.shape
+    inner = np.ascontiguousarray(area[edge:-edge, edge:-edge])
+    return View(inner, middle - complex(*half), (width, height))
+
+
+def whole(grey: Image) -> View:
+    """Normalise a whole picture."""
+    height, width = grey.shape
+    return View(normalised(grey), 0j, (width, height))
+
+
+class Reference(NamedTuple):
+    """A selected window of a normalised picture."""
+
+    patch: Image
+    """The window with `MARGIN` around it, normalised."""
+    centre: complex
+    """The selected centre in the patch [px]."""
+    half: tuple[int, int]
+    """Half width and height of the window [px]."""
+    offsets: Points
+    """Points to follow, as complex offsets from the centre [px]."""
+
+    def warped(self, seen: Affine, half: tuple[int, int]) -> Image:
+        """Draw the patch as it is seen, its centre in the middle of a picture of that size."""
+        size = 2 * half[0] + 1, 2 * half[1] + 1
+        matrix = seen.matrix(self.centre, complex(*half))
+        drawn = cv2.warpAffine(self.patch, matrix, size, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(drawn, np.uint8)
+
+    def likeness(self, around: View, seen: Affine) -> float:
+        """Correlation coefficient of the window with the place where it is seen."""
+        size = 2 * self.half[0] + 1, 2 * self.half[1] + 1
+        matrix = seen.matrix(complex(*self.half), seen.place - around.origin)
+        back = cv2.warpAffine(
+            around.picture,
+            matrix,
+            size,
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        own = self.warped(Affine(0j), self.half)
+        return float(cv2.matchTemplate(back, own, cv2.TM_CCOEFF_NORMED)[0, 0])
+
+
+def normalised(grey: np.ndarray) -> Image:
+    """Normalise the local contrast of a grey picture."""
+    values = grey.astype(np.float32)
+    mean = cv2.blur(values, (BOX, BOX))
+    squared = cv2.sqrBoxFilter(values, -1, (BOX, BOX))
+    spread = np.sqrt(np.maximum(squared - mean * mean, 0))
+    contrast = cv2.divide(values - mean, spread + FLOOR, scale=CONTRAST)
+    return np.asarray(cv2.addWeighted(contrast, 1, contrast, 0, 128, dtype=cv2.CV_8U), np.uint8)
+
+
+def select(grey: Image, centre: complex, half: tuple[int, int]) -> Reference | str:
+    """Take a window of a picture as the reference.
+
+    Args:
+        grey: the picture.
+        centre: of the window, u + iv [px].
+        half: half its width and height [px].
+
+    Returns:
+        The reference, or why the window cannot be followed.
+    """
+    height, width = grey.shape
+    (hx, hy), u, v = half, round(centre.real), round(centre.imag)
+    if u - hx < 0 or v - hy < 0 or u + hx >= width or v + hy >= height:
+        return "selection reaches beyond the picture"
+    patch = view(grey, complex(u, v), (hx + MARGIN, hy + MARGIN)).picture
+    local = centre - complex(u, v) + complex(hx + MARGIN, hy + MARGIN)
+    mask = np.zeros(patch.shape, np.uint8)
+    mask[MARGIN:-MARGIN, MARGIN:-MARGIN] = 255
+    strength = cv2.cornerMinEigenVal(patch, 5)[mask > 0].max()
+    spacing = max(3.0, (hx * hy) ** 0.5 / 5)
+    found = cv2.goodFeaturesToTrack(patch, POINTS, QUALITY, spacing, mask=mask, blockSize=5)
+    if strength < MIN_STRENGTH or found is None or len(found) < MIN_POINTS:
+        return "selection has too little texture"
+    points: Points = found.reshape(-1, 2) @ np.array([1, 1j])
+    return Reference(patch, local, half, points - local)
+
+
+def crop(picture: Image, middle: tuple[int, int], half: tuple[int, int]) -> Image:
+    """Cut out a window of 2 half + 1 pixels; beyond the picture's edge its border is repeated."""
+    (u, v), (hx, hy), (height, width) = middle, half, picture.shape
+    left, top, right, bottom = u - hx, v - hy, u + hx + 1, v + hy + 1
+    inside = picture[max(0, top) : max(0, bottom), max(0, left) : max(0, right)]
+    if inside.shape == (2 * hy + 1, 2 * hx + 1):
+        return inside
+    columns = np.clip(np.arange(left, right), 0, width - 1)
+    rows = np.clip(np.arange(top, bottom), 0, height - 1)
+    return picture[rows[:, None], columns]

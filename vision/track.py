@@ -1,0 +1,130 @@
+"""Eyes that follow a selected target without markers, and keep the markers as its judge.
+
+The target is a given rectangle of the first picture, or the surroundings of the board's target
+where the markers first show it. Markers around it say in every frame where the target truly is:
+the tracker is not told, so on a bench its error can be measured as on the twin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
+from endolock.vision import camera_model, refusal
+from endolock.vision.markers import Fit, MarkerEyes
+from endolock.vision.observation import Lock, Observation
+from endolock.vision.tracker import Tracker
+
+HALF_PX = 20
+"""Half side of the window where only the target's place is known [px]."""
+SMALLEST_PX = 16
+"""Least side of a selection [px]."""
+
+Selection = tuple[int, int, int, int]
+"""Left, top, width and height of a rectangle in the picture [px]."""
+
+
+class TrackEyes:
+    """Follows one target.
+
+    Args:
+        calibration: the camera's geometry.
+        board: the markers around the target, which judge but do not help.
+        selection: what to follow; the board's target if None.
+
+    Raises:
+        ConfigError: the selection does not lie within the picture.
+    """
+
+    def __init__(
+        self, calibration: Calibration, board: BoardGeometry, selection: Selection | None = None
+    ) -> None:
+        if selection is not None:
+            check(selection, calibration)
+        self._calibration, self._selection = calibration, selection
+        self._markers = MarkerEyes(calibration, board)
+        self._tracker: Tracker | None = None
+        self._lock = Lock()
+
+    def __call__(self, frame: Frame) -> Observation:
+        """Find the target in one frame.
+
+        Raises:
+            ConfigError: there is not enough texture in the selection.
+        """
+        blank = Observation(
+            t_capture=frame.t_capture, seq=frame.seq, status=self._lock.status, why=""
+        )
+        why = refusal.reason(frame, self._calibration)
+        if why or frame.image is None:
+            return replace(blank, status=self._lock.step(False), why=why)
+        grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        found, fit = self._markers.look(frame)
+        corners = tuple((float(u), float(v)) for four, _ in found for u, v in four)
+        if self._tracker is None:
+            why = self._start(grey, fit)
+            if why:
+                status = self._lock.step(False)
+                return replace(blank, status=status, why=why, corners_px=corners)
+            found, fit = self._markers.look(frame)
+        assert self._tracker is not None
+        track = self._tracker.step(grey)
+        judged = replace(
+            blank,
+            corners_px=corners,
+            reference_px=blank.target_px if isinstance(fit, str) else fit.pixel,
+        )
+        if isinstance(track, str):
+            return replace(judged, status=self._lock.step(False), why=track)
+        return replace(
+            judged,
+            status=self._lock.step(True),
+            target_px=track.pixel,
+            covariance=track.covariance,
+        )
+
+    def _start(self, grey: np.ndarray, fit: Fit | str) -> str:
+        """Take the reference; return why it cannot be taken from this picture."""
+        if self._selection is None:
+            if isinstance(fit, str):
+                return f"no target to start from: {fit}"
+            centre, half = fit.pixel, (HALF_PX, HALF_PX)
+        else:
+            left, top, width, height = self._selection
+            centre = left + (width - 1) / 2, top + (height - 1) / 2
+            half = (width - 1) // 2, (height - 1) // 2
+        try:
+            self._tracker = Tracker(np.asarray(grey, np.uint8), centre, half)
+        except ValueError as error:
+            if self._selection is None:
+                return str(error)
+            text = ",".join(str(n) for n in self._selection)
+            raise ConfigError(f"--select {text}: {error}; select another rectangle") from None
+        if self._selection is not None and not isinstance(fit, str):
+            self._markers.target = fit.pose.under(camera_model.ray(self._calibration, centre))
+        return ""
+
+
+def check(selection: Selection, calibration: Calibration) -> None:
+    """See that a rectangle lies within the picture and is large enough.
+
+    Raises:
+        ConfigError: it does not, or is not.
+    """
+    left, top, width, height = selection
+    text = ",".join(str(n) for n in selection)
+    if min(width, height) < SMALLEST_PX:
+        raise ConfigError(
+            f"--select {text}: {width}x{height} px is too small to follow; use {SMALLEST_PX} px "
+            "or more each way"
+        )
+    corners = [(left, top), (left + width - 1, top + height - 1)]
+    corners += [(left + width - 1, top), (left, top + height - 1)]
+    if not all(camera_model.in_picture(calibration, (u, v)) for u, v in corners):
+        raise ConfigError(
+            f"--select {text} reaches beyond the picture of {calibration.width}x"
+            f"{calibration.height} px; give x,y,width,height within it"
+        )

@@ -1,0 +1,107 @@
+"""The triple check of the thesis: motion over two frames must be the sum of both single ones.
+
+Points are followed from frame n-2 to n-1 and on to n, and from n-2 to n at once; where the ways
+end apart, one of the matches was false. Source: the thesis' recommendation. It is no proof: an
+occluder that moves slowly in front of the target has texture too, and agrees with itself.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from endolock.hw.api import Image
+from endolock.vision.reference import Affine, Points, crop
+
+LIMIT_PX = 1.0
+"""Gate: largest median distance between both ends [px]. Source: docs/vision.md, its ROC."""
+HALF = 28
+"""Half size of the window around the target in which points are followed, besides theirs [px]."""
+POINTS = 12
+
+Kept = tuple[Image, complex, Points, Points | None]
+"""A picture, where the target was in it, points, and where those of the picture before went."""
+
+
+class TripleCheck:
+    """Keeps the last two pictures and where points of the target were in them.
+
+    Args:
+        offsets: points of the target, complex offsets from its centre in the reference [px].
+    """
+
+    def __init__(self, offsets: Points) -> None:
+        self._offsets = offsets[:POINTS]
+        self._before: Kept | None = None
+        self._now: Kept | None = None
+        self.distance_px = 0.0
+        """Of the last check; 0 where there was none [px]."""
+
+    def refusal(self, grey: Image, seen: Affine) -> str:
+        """Say whether the motion into a picture fits; empty if it does, or cannot be told.
+
+        Args:
+            grey: the new picture.
+            seen: where the target is taken to be in it.
+        """
+        self.distance_px = 0.0
+        if self._before is None or self._now is None:
+            return ""
+        moved = self._now[3]
+        if moved is None:
+            return ""
+        two = self._flow(self._before, grey, seen, self._before[2])
+        one = self._flow(self._now, grey, seen, moved)
+        apart = np.abs(one - two)
+        self.distance_px = float(np.median(apart))
+        if self.distance_px > LIMIT_PX:
+            return f"triple check off by {self.distance_px:.1f} px"
+        return ""
+
+    def accept(self, grey: Image, seen: Affine) -> None:
+        """Take in a picture in which the target was found."""
+        points = seen.place + seen.moves(self._offsets)
+        self._before, now = self._now, (grey, seen.place, points, None)
+        moved = self._flow(self._before, grey, seen, self._before[2]) if self._before else None
+        self._now = (*now[:3], moved)
+
+    def skip(self, grey: Image) -> None:
+        """Take in a picture in which it was not: the next two cannot be checked."""
+        self._before = self._now = None
+
+    def _flow(
+        self,
+        start: Kept,
+        grey: Image,
+        seen: Affine,
+        points: Points,
+    ) -> Points:
+        """Follow points from an earlier picture into a new one."""
+        picture, place, _, _ = start
+        reach = int(np.abs(self._offsets).max() * max(1.0, seen.scale)) + HALF
+        half = reach, reach
+        first, last = (
+            (round(place.real), round(place.imag)),
+            (
+                round(seen.place.real),
+                round(seen.place.imag),
+            ),
+        )
+        own, other = crop(picture, first, half), crop(grey, last, half)
+        shift = complex(*half)
+        local = points - complex(*first) + shift
+        guess = local  # both windows are centred on the target
+        pixels, aims = (
+            np.column_stack([p.real, p.imag]).astype(np.float32) for p in (local, guess)
+        )
+        moved, _, _ = cv2.calcOpticalFlowPyrLK(
+            own,
+            other,
+            pixels,
+            aims,
+            winSize=(13, 13),
+            maxLevel=1,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )
+        ends: Points = moved.astype(np.float64) @ np.array([1, 1j]) + complex(*last) - shift
+        return ends
