@@ -111,7 +111,6 @@ def picture(board: Print, side_m: float, texels_per_mm: int) -> Image:
     n = round(side_m * scale)
     image = np.full((n, n, 3), PAPER, np.uint8)
     for seed, patch in enumerate(board.patches):
-        # A texel covers 1/scale; drawing with 4 fractional bits puts centres between texels.
         centre = (np.array([patch.x, patch.y]) + side_m / 2) * scale - 0.5
         DRAWN[patch.kind](image, centre, patch.radius * scale, seed)
     geometry = board.geometry
@@ -126,6 +125,20 @@ def picture(board: Print, side_m: float, texels_per_mm: int) -> Image:
     return image
 
 
+def decoy() -> Image:
+    """Draw a round target on paper that resembles that of the board: other widths, other colours.
+
+    Its side is 30 mm, its radius 3.5 mm.
+    """
+    n = 30 * CENTRE_TEXELS_PER_MM // 2
+    image = np.full((n, n, 3), PAPER, np.uint8)
+    centre = np.array([n - 1, n - 1]) / 2
+    radius = 3.5 * CENTRE_TEXELS_PER_MM / 2
+    for share, colour in ((1.0, RED), (0.6, PAPER), (0.42, INK)):
+        _disc(image, centre, share * radius, colour)
+    return image
+
+
 def rings(radius: float) -> tuple[tuple[float, tuple[int, int, int]], ...]:
     """Discs of the round target, from the largest to the smallest: radius and colour."""
     shares = ((1.0, INK), (0.87, PAPER), (0.73, RED), (0.27, PAPER), (0.1, INK))
@@ -133,10 +146,14 @@ def rings(radius: float) -> tuple[tuple[float, tuple[int, int, int]], ...]:
 
 
 def _draw_rings(image: Image, centre: np.ndarray, radius: float, _seed: int) -> None:
-    fixed_point = tuple(int(v) for v in np.rint(centre * 16))
     for size, colour in rings(radius):
-        disc = round(size * 16)
-        cv2.circle(image, fixed_point, disc, colour, cv2.FILLED, cv2.LINE_AA, shift=4)
+        _disc(image, centre, size, colour)
+
+
+def _disc(image: Image, centre: np.ndarray, radius: float, colour: tuple[int, int, int]) -> None:
+    """Fill a circle; drawing with 4 fractional bits puts centres between texels."""
+    fixed_point = tuple(int(v) for v in np.rint(centre * 16))
+    cv2.circle(image, fixed_point, round(radius * 16), colour, cv2.FILLED, cv2.LINE_AA, shift=4)
 
 
 def _draw_tissue(image: Image, centre: np.ndarray, radius: float, seed: int) -> None:

@@ -56,7 +56,7 @@ class TwinPlant:
         self._tilt = cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
         self.base_from_board = _matrix(self._tilt)
         self._distance_m = scenario.board.distance_m
-        plates = tuple(occluder.size_m for occluder in scenario.occluder)
+        plates = tuple(scene.Plate(plate.size_m, plate.look) for plate in scenario.occluder)
         board, light = scenario.board, scenario.light
         facets = scene.FACETS if light.falls_off else 1
         spec = scene.build(instrument, numerics, board.kind, plates, facets)

@@ -160,6 +160,8 @@ class Occluder(Event):
 
     size_m: tuple[_Side, _Side]
     """Width and height [m]."""
+    look: Literal["plain", "tissue", "decoy"] = "plain"
+    """What is on it: nothing, tissue as on the wall, or a target much like the round one."""
     distance_m: float = Field(gt=0.002, lt=1.5)
     """Depth ahead of the tip camera at rest [m], less than the board's."""
     position_m: tuple[_Place, _Place]

@@ -58,7 +58,7 @@ class Studio:
         self.calibration = optics.calibration(scenario.camera)
         self._shot = optics.shot(scenario.camera)
         self._optics = optics.Optics(scenario.camera, seed)
-        plates = tuple(plate.size_m for plate in self._plates)
+        plates = tuple(scene.Plate(plate.size_m, plate.look) for plate in self._plates)
         facets = scene.FACETS if light.falls_off else 1
         spec = scene.build(None, None, board.kind, plates, facets)
         scene.set_light(spec, light.room, light.tip, light.back, falls_off=light.falls_off)

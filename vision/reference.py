@@ -149,7 +149,7 @@ def normalised(grey: np.ndarray) -> Image:
     """Normalise the local contrast of a grey picture."""
     values = grey.astype(np.float32)
     mean = cv2.blur(values, (BOX, BOX))
-    squared = cv2.sqrBoxFilter(values, -1, (BOX, BOX))
+    squared = cv2.sqrBoxFilter(values, cv2.CV_32F, (BOX, BOX))
     spread = np.sqrt(np.maximum(squared - mean * mean, 0))
     contrast = cv2.divide(values - mean, spread + FLOOR, scale=CONTRAST)
     return np.asarray(cv2.addWeighted(contrast, 1, contrast, 0, 128, dtype=cv2.CV_8U), np.uint8)
