@@ -63,6 +63,10 @@ class Seen:
     truth: TruthSample | None
     """The truth at the exposure; None on hardware."""
 
+    def without_pictures(self) -> Seen:
+        """Return the same without what takes memory."""
+        return replace(self, frame=replace(self.frame, image=None), overview=None)
+
 
 class Recorder(Protocol):
     """Where the rows of a run go."""
@@ -184,7 +188,7 @@ def run(
                 )
                 if recorder:
                     recorder.seen(seen)
-                result.seen.append(_without_pictures(seen))
+                result.seen.append(seen.without_pictures())
             tick = Tick(
                 t=t,
                 skipped=skipped,
@@ -205,7 +209,3 @@ def run(
     finally:
         actuators.hold()
     return result
-
-
-def _without_pictures(seen: Seen) -> Seen:
-    return replace(seen, frame=replace(seen.frame, image=None), overview=None)

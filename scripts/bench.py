@@ -16,6 +16,7 @@ from pathlib import Path
 from statistics import median
 from typing import Annotated, Any
 
+import cv2
 import mujoco
 import numpy as np
 import tyro
@@ -31,6 +32,8 @@ from endolock.twin.instrument import NUMERICS, Numerics
 from endolock.twin.rig import TwinRig
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Observation
+from endolock.vision.track import HALF_PX
+from endolock.vision.tracker import Tracker
 
 REPEAT = 7
 SLICE_S = 2.0
@@ -129,15 +132,28 @@ def render() -> dict[str, Any]:
 
 
 def vision() -> dict[str, Any]:
-    """One observation of the marker board."""
+    """One observation of the marker board, and one step of the markerless tracker."""
     frame, eyes = _frame_and_eyes()
-    (taken,) = _times(lambda: eyes(frame), repeat=60, warm_up=True)
-    return {"markers_ms": 1e3 * taken}
+    assert frame.image is not None
+    grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+    tracker = Tracker(grey, eyes(frame).target_px, (HALF_PX, HALF_PX))
+    markers_s, tracker_s = _times(
+        lambda: eyes(frame), lambda: tracker.step(grey), repeat=60, warm_up=True
+    )
+    return {"markers_ms": 1e3 * markers_s, "tracker_ms": 1e3 * tracker_s}
 
 
 def pipeline() -> dict[str, Any]:
-    """Whole runs of `straight` with `pi`: simulated seconds a second."""
-    return {"pinhole_rtf": _unlogged(), "logged_rtf": _run("markers"), "truth_rtf": _run("truth")}
+    """Runs of `straight` and, with all its optics, `endoscope`: simulated seconds a second.
+
+    The first two write no run folder.
+    """
+    return {
+        "pinhole_rtf": _unlogged("straight"),
+        "fisheye_rtf": _unlogged("endoscope"),
+        "logged_rtf": _run("markers"),
+        "truth_rtf": _run("truth"),
+    }
 
 
 def control() -> dict[str, float]:
@@ -238,11 +254,11 @@ def env() -> dict[str, float]:
     }
 
 
-def _unlogged() -> float:
+def _unlogged(scenario: str) -> float:
     """Pictures, markers and law without a run folder: the loop alone."""
     factors: list[float] = []
     for _ in range(3):
-        with TwinRig("straight") as rig:
+        with TwinRig(scenario) as rig:
             rig.clock.sleep_until(0.0)
             camera = rig.camera.calibration
             eyes, law = MarkerEyes(camera, rig.board), laws.make("pi", camera)

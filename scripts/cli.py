@@ -94,7 +94,17 @@ def _dispatch(args: list[str]) -> int:
     if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
         return doctor.main(parse(doctor.Request, "endolock doctor", args[1:]))
     try:
-        from endolock.scripts import bench, compare, hysteresis, identify, run, view
+        from endolock.scripts import (
+            bench,
+            calibrate,
+            compare,
+            hysteresis,
+            identify,
+            latency,
+            run,
+            view,
+            watch,
+        )
     except (ImportError, AttributeError, RuntimeError) as error:
         # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
         if not endolock.opengl():
@@ -108,6 +118,9 @@ def _dispatch(args: list[str]) -> int:
         | Annotated[compare.Request, tyro.conf.subcommand("compare")]
         | Annotated[hysteresis.Request, tyro.conf.subcommand("hysteresis")]
         | Annotated[identify.Request, tyro.conf.subcommand("identify")]
+        | Annotated[latency.Request, tyro.conf.subcommand("latency")]
+        | Annotated[calibrate.Request, tyro.conf.subcommand("calibrate")]
+        | Annotated[watch.Request, tyro.conf.subcommand("watch")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
         | Annotated[doctor.Request, tyro.conf.subcommand("doctor")]
         | Annotated[bench.Request, tyro.conf.subcommand("bench")]
@@ -117,6 +130,9 @@ def _dispatch(args: list[str]) -> int:
         compare.Request: compare.main,
         hysteresis.Request: hysteresis.main,
         identify.Request: identify.main,
+        latency.Request: latency.main,
+        calibrate.Request: calibrate.main,
+        watch.Request: watch.main,
         view.Request: view.main,
         bench.Request: bench.main,
     }

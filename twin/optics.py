@@ -8,23 +8,20 @@ scenario leaves it ideal.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees, hypot, radians, tan
+from math import atan, ceil, degrees, hypot, radians
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from endolock.hw.api import Calibration, Image
+from endolock.hw.api import Calibration, Image, Vector
 from endolock.twin.randomness import generator
 from endolock.twin.scenario import Camera
 from endolock.vision import camera_model
 
-OVERSAMPLING = 1.5
-"""Width of the rendered picture over that of a fisheye's of 120 deg: their scales agree in the
-middle within a tenth. Source: measured, it does not limit the markers."""
-WIDE_DEG = 130.0
-WIDE_OVERSAMPLING = 2.0
-"""The same for wider ones."""
+FOCAL_SHARE = 0.9
+"""Focal length of the rendered picture over that of a fisheye's: nearly as fine in the middle, and
+finer everywhere else. Source: measured, it does not limit the markers."""
 NOISE_BANK = 4
 """Noise is drawn once for so many pictures; each frame begins somewhere else in it."""
 
@@ -56,14 +53,15 @@ def calibration(camera: Camera) -> Calibration:
 
 
 def shot(camera: Camera) -> Shot:
-    """Return what must be rendered: as delivered, or wide enough for a fisheye's corners."""
+    """Return what must be rendered: as delivered, or wide enough for all that a fisheye shows."""
     width, height = camera.width, camera.height
     if camera.projection == "pinhole":
         return Shot(width, height, camera.fovy_deg)
-    scale = WIDE_OVERSAMPLING if camera.diagonal_deg > WIDE_DEG else OVERSAMPLING
-    across = tan(radians(camera.diagonal_deg) / 2)
-    fovy = 2 * np.arctan(across * height / hypot(width, height))
-    return Shot(round(scale * width), round(scale * height), degrees(float(fovy)))
+    fisheye = calibration(camera)
+    seen = np.abs(_rays(fisheye)[camera_model.visible(fisheye).ravel()]).max(axis=0)
+    focal_px = FOCAL_SHARE * fisheye.focal_px
+    across, down = (2 * ceil(focal_px * float(side) + 1) for side in seen[:2])
+    return Shot(across, down, degrees(2 * atan(down / 2 / focal_px)))
 
 
 class Optics:
@@ -118,12 +116,16 @@ class Optics:
 
 def _maps(delivered: Calibration, rendered: Shot) -> tuple[np.ndarray, np.ndarray]:
     """Where in the rendered picture each delivered pixel comes from."""
-    v, u = np.indices((delivered.height, delivered.width), np.float64)
-    rays = camera_model.rays(delivered, np.column_stack([u.ravel(), v.ravel()]))
     pinhole = camera_model.from_fovy(*rendered)
-    seen = camera_model.project_points(pinhole, rays).astype(np.float32)
-    x, y = (seen[:, i].reshape(u.shape) for i in (0, 1))
+    seen = camera_model.project_points(pinhole, _rays(delivered)).astype(np.float32)
+    x, y = (seen[:, i].reshape(delivered.height, delivered.width) for i in (0, 1))
     return cv2.convertMaps(x, y, cv2.CV_16SC2)
+
+
+def _rays(delivered: Calibration) -> Vector:
+    """Ray of each pixel, row by row."""
+    v, u = np.indices((delivered.height, delivered.width), np.float64)
+    return camera_model.rays(delivered, np.column_stack([u.ravel(), v.ravel()]))
 
 
 def _weight(camera: Camera, geometry: Calibration) -> Image:

@@ -4,9 +4,6 @@ All corners of the markers found give the pose of the board; the target is a poi
 projected. With J the derivative of the corners with respect to the pose, J_t that of the target
 and s the noise of a corner's coordinate, the target's covariance is s^2 J_t (J^T J)^-1 J_t^T. s^2
 is estimated from the misfit of 2n coordinates to 6 parameters.
-
-Reference:
-    S. Garrido-Jurado et al., Pattern Recognition 47(6), 2014.
 """
 
 from __future__ import annotations
@@ -17,9 +14,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from endolock.hw.api import BoardGeometry, Calibration, Frame, Image, Vector
+from endolock.hw.api import BoardGeometry, Calibration, Frame, Image
 from endolock.vision import board_pose, refusal
 from endolock.vision.board_pose import BoardPose
+from endolock.vision.detector import Marker, MarkerDetector, grey_of
 from endolock.vision.observation import Lock, Observation
 
 MIN_MARKERS = 2
@@ -33,12 +31,6 @@ SMALL_PX = 30.0
 MARGIN = 0.35
 """Margin of the region looked at around the last corners, in its own size. Assumed: a board of
 100 px moves by less than 35 px from frame to frame in all scenarios but `jump`."""
-NOISY = 5.0
-"""Smooth a picture with more noise than this [grey levels]: at 20 it would take ten times as
-long, for every speck is a candidate."""
-
-Marker = tuple[Vector, int]
-"""Corners (4x2 [px]) and id."""
 
 
 class Fit(NamedTuple):
@@ -65,13 +57,7 @@ class MarkerEyes:
         """The point on the board that is reported as the target [m]."""
         self._lock = Lock()
         self._near: list[Marker] = []
-        parameters = cv2.aruco.DetectorParameters()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        parameters.relativeCornerRefinmentWinSize = 0.8  # 0.3 is the default: twice the error
-        # Two window sizes instead of three: a third of the time, no marker less.
-        parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 15
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self._detect = MarkerDetector(board)
 
     def __call__(self, frame: Frame) -> Observation:
         """Find the board in one frame."""
@@ -104,16 +90,14 @@ class MarkerEyes:
         if why or frame.image is None:
             self._near = []
             return [], why
-        grey = cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY)
-        if _noise(grey) > NOISY:
-            grey = cv2.GaussianBlur(grey, (3, 3), 0)
+        grey = grey_of(frame.image)
         if self._near:
-            found = self._in_region(np.asarray(grey, np.uint8))
+            found = self._in_region(grey)
             fit = self.fit(found)
             if len(found) >= len(self._near) and not isinstance(fit, str):
                 self._near = found
                 return found, fit
-        found = self._detect(np.asarray(grey, np.uint8))
+        found = self._detect(grey)
         fit = self.fit(found)
         self._near = [] if isinstance(fit, str) else found
         return found, fit
@@ -175,26 +159,6 @@ class MarkerEyes:
         found = self._detect(np.asarray(double, np.uint8))
         return [((c + 0.5) / 2 - 0.5 + [left, top], i) for c, i in found]
 
-    def _detect(self, grey: Image) -> list[Marker]:
-        """Markers of this board, each number once: where it occurs twice, neither can be told."""
-        found, ids, _ = self._detector.detectMarkers(grey)
-        numbers = [] if ids is None else [int(i) for i in ids.ravel()]
-        return [
-            (np.asarray(corners, np.float64).reshape(4, 2), i)
-            for corners, i in zip(found, numbers, strict=True)
-            if i in self._corners and numbers.count(i) == 1
-        ]
-
 
 def _flat(markers: Sequence[Marker]) -> tuple[tuple[float, float], ...]:
     return tuple((float(u), float(v)) for corners, _ in markers for u, v in corners)
-
-
-def _noise(grey: np.ndarray) -> float:
-    """Standard deviation of the noise in a picture [grey levels], from some of its rows.
-
-    The median of |second difference| is 0.6745 sqrt(6) times that of white noise; edges are few
-    and do not move a median.
-    """
-    rows = grey[::24].astype(np.int16)
-    return float(np.median(np.abs(rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]))) / 1.652

@@ -117,7 +117,9 @@ def _everything(course: Course, t: float) -> tuple[Any, ...]:
 
 
 def test_occluders_are_bodies_that_hide_and_touch_nothing() -> None:
-    model = scene.build(occluders=[(0.02, 0.04), (0.1, 0.2)]).compile()
+    model = scene.build(
+        occluders=[scene.Plate(size, "plain") for size in ((0.02, 0.04), (0.1, 0.2))]
+    ).compile()
     plain = scene.build().compile()
     assert model.nq == plain.nq
     for n, half in ((1, (0.01, 0.02)), (2, (0.05, 0.1))):
@@ -131,7 +133,7 @@ def test_occluders_are_bodies_that_hide_and_touch_nothing() -> None:
 
 def test_an_occluder_is_seen_where_it_is_put() -> None:
     """A plate of 40 x 20 mm, 60 mm ahead, fills f w / d by f h / d pixels of the picture."""
-    model = scene.build(occluders=[(0.04, 0.02)]).compile()
+    model = scene.build(occluders=[scene.Plate((0.04, 0.02), "plain")]).compile()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
     place = scene.WORLD_FROM_BASE @ (0.01, 0.005, 0.06)

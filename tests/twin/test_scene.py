@@ -11,16 +11,13 @@ from endolock.hw.api import Calibration, Command, ConfigError, Image, Vector
 from endolock.twin import camera, generate, scenario, scene
 from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.detector import MarkerDetector
 
 
 def _corners(image: Image, rig: TwinRig) -> dict[int, Vector]:
     """Marker corners found in a picture, by id."""
-    calibration = camera_model.from_fovy(image.shape[1], image.shape[0], 60.0)
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    corners, ids, _ = MarkerEyes(calibration, rig.board)._detector.detectMarkers(grey)
-    found = zip([] if ids is None else ids.ravel().tolist(), corners, strict=True)
-    return {int(i): np.asarray(c, float).reshape(4, 2) for i, c in found}
+    return {i: corners for corners, i in MarkerDetector(rig.board)(np.asarray(grey, np.uint8))}
 
 
 def _picture(rig: TwinRig, name: str = "tip") -> tuple[Image, Calibration]:

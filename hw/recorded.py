@@ -1,0 +1,138 @@
+"""Recorded video as a camera: pictures with their times, delivered as they were.
+
+What the eyes get is what they got then; time passes as fast as it is slept through.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from itertools import count
+from math import isfinite
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from endolock.hw.api import Calibration, ConfigError, Frame, Image
+
+
+class PlaybackClock:
+    """Time of a recording; sleeping on it costs nothing.
+
+    Args:
+        start: where it begins [s].
+    """
+
+    realtime = False
+    timestep_s = 0.0
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """Time in the recording [s]."""
+        return self._now
+
+    def sleep_until(self, t: float) -> float:
+        """Go on to `t` [s], or stay where it has passed."""
+        self._now = max(self._now, t)
+        return self._now
+
+
+class RecordedCamera:
+    """Delivers recorded frames when the clock reaches the times at which they came.
+
+    Args:
+        calibration: geometry of the camera that took them.
+        clock: of the playback.
+        frames: in order of their delivery; taken from here one by one.
+    """
+
+    def __init__(
+        self, calibration: Calibration, clock: PlaybackClock, frames: Iterable[Frame]
+    ) -> None:
+        self.calibration = calibration
+        self._clock, self._frames = clock, iter(frames)
+        self._next = next(self._frames, None)
+        self._newest: Frame | None = None
+
+    @property
+    def due(self) -> float | None:
+        """When the next frame will be delivered [s]; None after the last."""
+        return None if self._next is None else self._next.t_available
+
+    def latest(self) -> Frame | None:
+        """Return the newest frame delivered so far, None before the first."""
+        while self._next is not None and self._next.t_available <= self._clock.now() + 1e-9:
+            self._newest, self._next = self._next, next(self._frames, None)
+        return self._newest
+
+
+def times(path: Path) -> list[tuple[float, float]]:
+    """Read the time stamps of a video: a CSV file with one row a frame.
+
+    Its columns are `t_capture` and `t_available` [s]; with one of them alone, the video is taken to
+    have no latency.
+
+    Raises:
+        ConfigError: it cannot be read, or time runs backwards.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+        first = rows[0] if rows else {}
+        late = "t_available" if "t_available" in first else "t_capture"
+        early = "t_capture" if "t_capture" in first else late
+        stamps = [(float(row[early]), float(row[late])) for row in rows]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"cannot read {path}: {error}; give a CSV file") from None
+    except (KeyError, ValueError, TypeError):
+        raise ConfigError(
+            f"{path} needs columns t_capture, t_available or both, with a number of seconds in "
+            "every row"
+        ) from None
+    delivered = [stamp[1] for stamp in stamps]
+    if delivered != sorted(delivered) or not all(isfinite(t) for s in stamps for t in s):
+        raise ConfigError(f"{path}: time runs backwards or is not finite; sort the rows")
+    return stamps
+
+
+def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
+    """Yield the frames of a video file with their time stamps.
+
+    Where the file ends or is damaged before the time stamps do, the frames carry no picture.
+
+    Raises:
+        ConfigError: it cannot be opened, or has more frames than time stamps.
+    """
+    # Printed by FFmpeg itself where a file is damaged; what matters is said by us.
+    reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        if not path.is_file() or not reader.isOpened():
+            raise ConfigError(f"cannot open {path} as a video; give a run folder or a video file")
+        before: Image | None = None
+        for seq in count():
+            image = _read(reader)
+            if seq >= len(stamps):
+                if image is None:
+                    return
+                raise ConfigError(
+                    f"{path} has more than the {len(stamps)} frames that have time stamps; give "
+                    "one row a frame with --times"
+                )
+            if seq == 0 and image is None:
+                raise ConfigError(f"{path} holds no picture that can be decoded; record it again")
+            same = image is not None and before is not None and np.array_equal(image, before)
+            early, late = stamps[seq]
+            yield Frame(
+                image=image, t_capture=early, t_available=late, seq=seq, dropped=0, repeated=same
+            )
+            before = image
+    finally:
+        reader.release()
+
+
+def _read(reader: cv2.VideoCapture) -> Image | None:
+    ok, picture = reader.read()
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8) if ok else None

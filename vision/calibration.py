@@ -1,0 +1,172 @@
+"""Calibration of a camera: its TOML file, and how it is found from pictures of a board.
+
+One form for all cameras: the fields of `hw.api.Calibration`, at the top of a file or below
+[calibration] as in a run folder's run.toml.
+
+Reference:
+    Z. Zhang, IEEE PAMI 22(11), 2000; J. Kannala and S. Brandt, IEEE PAMI 28(8), 2006 (fisheye);
+    both as OpenCV has them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from datetime import UTC, datetime
+from math import degrees
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import tomli_w
+from pydantic import TypeAdapter, ValidationError
+
+from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Vector
+from endolock.vision import board_pose
+from endolock.vision.detector import Marker
+
+MIN_VIEWS = 10
+MIN_CORNERS = 16
+"""Of one view: four markers."""
+MAX_VIEWS = 60
+"""More take longer and tell no more."""
+MIN_TILT_DEG = 15.0
+"""Largest angle between two views of the board: seen from one side only, a longer focal length
+looks just like a larger distance. Assumed."""
+MAX_RMS_PX = 1.0
+"""What is left of a calibration that can be used. Assumed: seven times the corners' noise."""
+
+
+def read(path: Path) -> Calibration:
+    """Read a calibration.
+
+    Raises:
+        ConfigError: there is none, or it is not one.
+    """
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(
+            f"cannot read calibration {path}: {error}; make one with endolock calibrate"
+        ) from None
+    values = told.get("calibration", told)
+    known = {field.name for field in fields(Calibration)}
+    if unknown := set(values) - known:
+        raise ConfigError(
+            f"calibration {path}: unknown key {min(unknown)}; known are {', '.join(sorted(known))}"
+        )
+    try:
+        found = TypeAdapter(Calibration).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"calibration {path}: {place}: {first['msg']}") from None
+    good = min(found.width, found.height, found.focal_px, found.aspect) > 0
+    if not good or not np.isfinite([found.focal_px, *found.centre_px, *found.distortion]).all():
+        raise ConfigError(f"calibration {path}: sizes and focal length must be above 0")
+    return found
+
+
+def write(calibration: Calibration, path: Path) -> None:
+    """Write a calibration, whole or not at all.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(tomli_w.dumps(asdict(calibration)), encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}; give another file") from None
+
+
+def calibrate(
+    views: Sequence[Sequence[Marker]],
+    board: BoardGeometry,
+    size: tuple[int, int],
+    projection: Literal["pinhole", "equidistant"] = "pinhole",
+) -> Calibration:
+    """Find a camera's geometry from markers of a board, seen from several sides.
+
+    Args:
+        views: the markers found in each picture.
+        board: where they are.
+        size: width and height of the pictures [px].
+        projection: of the lens.
+
+    Raises:
+        ConfigError: the views do not tell it.
+    """
+    corners = board.corners()
+    useful = [view for view in views if 4 * len(view) >= MIN_CORNERS]
+    if len(useful) < MIN_VIEWS:
+        raise ConfigError(
+            f"the board is seen with {MIN_CORNERS // 4} markers or more in {len(useful)} pictures, "
+            f"{MIN_VIEWS} needed; record a longer sequence, nearer, in better light"
+        )
+    step = max(1, len(useful) // MAX_VIEWS)
+    chosen = useful[::step][:MAX_VIEWS]
+    points = [np.concatenate([corners[i] for _, i in view]) for view in chosen]
+    pixels = [np.concatenate([seen for seen, _ in view]) for view in chosen]
+    rms, matrix, distortion = _solve(points, pixels, size, projection)
+    found = Calibration(
+        width=size[0],
+        height=size[1],
+        focal_px=float(matrix[0, 0]),
+        centre_px=(float(matrix[0, 2]), float(matrix[1, 2])),
+        aspect=float(matrix[1, 1] / matrix[0, 0]),
+        projection=projection,
+        distortion=tuple(float(c) for c in distortion),
+        rms_px=rms,
+        date=datetime.now(UTC).strftime("%Y-%m-%d"),
+    )
+    if not rms <= MAX_RMS_PX:
+        raise ConfigError(
+            f"calibration leaves {rms:.2f} px rms, {MAX_RMS_PX} allowed; is it a {projection} "
+            "camera, and the board printed at 100 %?"
+        )
+    if (tilt := _spread(found, points, pixels)) < MIN_TILT_DEG:
+        raise ConfigError(
+            f"the board is seen within {tilt:.0f} deg of one direction, {MIN_TILT_DEG:.0f} needed; "
+            "record it from more sides"
+        )
+    return found
+
+
+def _solve(
+    points: list[Vector], pixels: list[Vector], size: tuple[int, int], projection: str
+) -> tuple[float, Vector, Vector]:
+    """Rms misfit [px], camera matrix and distortion."""
+    try:
+        if projection == "pinhole":
+            flat = [p.astype(np.float32) for p in points]
+            seen = [p.astype(np.float32) for p in pixels]
+            rms, matrix, distortion, _, _ = cv2.calibrateCamera(
+                flat, seen, size, np.eye(3), np.zeros(5)
+            )
+        else:
+            solid = [p[None] for p in points]
+            found = [p[None] for p in pixels]
+            start = np.array([[size[0] / 2.1, 0, size[0] / 2], [0, size[0] / 2.1, size[1] / 2]])
+            flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
+            flags |= cv2.CALIB_USE_INTRINSIC_GUESS
+            rms, matrix, distortion, _, _ = cv2.fisheye.calibrate(
+                solid, found, size, np.vstack([start, [0, 0, 1]]), np.zeros(4), flags=flags
+            )
+    except cv2.error as error:
+        said = " ".join(str(error).split()[:12])
+        raise ConfigError(
+            f"OpenCV finds no {projection} camera in these pictures ({said}); record the board "
+            "from more sides"
+        ) from None
+    return float(rms), np.asarray(matrix, np.float64), np.asarray(distortion, np.float64).ravel()
+
+
+def _spread(found: Calibration, points: list[Vector], pixels: list[Vector]) -> float:
+    """Largest angle between the board's normals in two views [deg]."""
+    poses = [board_pose.fit(found, *pair) for pair in zip(points, pixels, strict=True)]
+    normals = np.array([pose.rotation[:, 2] for pose in poses if pose is not None])
+    return degrees(float(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
