@@ -42,7 +42,8 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
 
     Returns:
         Plain numbers by name; None where there is nothing to measure them by. On a bench, which
-        knows no truth, the true errors are None as a whole.
+        knows no truth, the true errors are None as a whole; vision's is told by markers around the
+        target, where it was followed without them.
     """
     begin = scored_from_s - 1e-9 + (run.ticks[0].t if run.ticks else 0.0)
     ticks = [tick for tick in run.ticks if tick.t >= begin]
@@ -62,7 +63,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
         "error_px": None if on_a_bench else _summary(error),
         "error_deg": None if on_a_bench else _extent(degrees),
         "delayed_error_px": _summary(np.array(delayed)),
-        "vision_error_px": _vision_error(accepted),
+        "vision_error_px": _vision_error(accepted, on_a_bench),
         "handle": _handle(ticks),
         "blur_px": _blur(ticks),
     }
@@ -92,14 +93,14 @@ def _extent(error: Vector) -> dict[str, float | None]:
     return {"rms": _rms(error), "max": float(error.max())}
 
 
-def _vision_error(accepted: Sequence[Seen]) -> dict[str, float | None]:
+def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> dict[str, float | None] | None:
     """Distance of what was accepted from the truth; on a bench from the markers around it."""
     error = []
     for s in accepted:
         true = s.truth.target_px if s.truth else s.observation.reference_px
         if isfinite(true[0]):
             error.append(np.hypot(*np.subtract(s.observation.target_px, true)))
-    return _extent(np.array(error))
+    return _extent(np.array(error)) if error or not on_a_bench else None
 
 
 def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:

@@ -20,6 +20,7 @@ import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,7 @@ FRAMES = pa.schema(
         ("target_px", _vector(2)),
         ("covariance_px2", _vector(3)),
         ("distance_m", pa.float64()),
+        # Where markers see a target that is followed without them; else null.
         ("reference_px", _vector(2)),
         ("corners_px", pa.list_(_vector(2))),
         # The truth at the exposure; null on hardware.
@@ -191,6 +193,7 @@ class RunFolder:
     def seen(self, seen: Seen) -> None:
         """Append one frame with its pictures."""
         frame, observation, truth = seen.frame, seen.observation, seen.truth
+        judged = isfinite(observation.reference_px[0])
         row: dict[str, Any] = {
             "seq": frame.seq,
             "t_capture": frame.t_capture,
@@ -202,7 +205,7 @@ class RunFolder:
             "target_px": observation.target_px,
             "covariance_px2": observation.covariance,
             "distance_m": observation.distance_m,
-            "reference_px": observation.reference_px,
+            "reference_px": observation.reference_px if judged else None,
             "corners_px": observation.corners_px,
             "tip_jpeg": jpeg(frame.image),
             "overview_jpeg": jpeg(seen.overview.image) if seen.overview else None,

@@ -80,5 +80,6 @@ def check(rig: str, vision: str, instrument: str, numerics: str = "default") -> 
         ("numerics", numerics, tuple(NUMERICS)),
     ):
         if name not in known:
-            raise ConfigError(f"{what} '{name}' is unknown; use {' or '.join(known)}")
+            choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
+            raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
     return instruments.load(instrument)

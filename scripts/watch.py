@@ -54,15 +54,16 @@ def main(request: Request) -> int:
     if request.json != "-":
         console = Console(highlight=False)
         found = record["detected_fraction"]
-        seen, off = record["delayed_error_px"]["rms"], record["vision_error_px"]["rms"]
+        seen, judged = record["delayed_error_px"]["rms"], record["vision_error_px"]
         console.print(
             f"{record['frames']} frames, target found in {100 * (found or 0):.1f} %, "
             f"{record['vision_ms']:.1f} ms a frame"
         )
         if seen is not None:
             console.print(f"target off the image centre, rms: {seen:.1f} px")
-        if off is not None:
-            console.print(f"target off where the markers say it is, rms: {off:.2f} px")
+        if judged and judged["rms"] is not None:
+            off = f"{judged['rms']:.2f} px, at most {judged['max']:.2f} px"
+            console.print(f"target off where the markers say it is, rms: {off}")
         for why, count in record["refused"].items():
             console.print(f"{count:6d}  {why}", markup=False)
     return 0

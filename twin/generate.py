@@ -35,13 +35,15 @@ def scene_xml() -> str:
 
 
 def _wrapped(text: str) -> str:
-    """Break lines at attributes so that none is longer than `COLUMNS`."""
+    """Break lines, at attributes where possible, so that none is longer than `COLUMNS`."""
     lines = []
     for line in text.splitlines():
         indent = re.match(r" *(<\w+ )?", line)
         pad = " " * (indent.end() if indent else 0)
         while len(line) > COLUMNS:
             at = line.rfind('" ', 0, COLUMNS) + 1
+            if at <= len(pad):
+                at = line.rfind(" ", 0, COLUMNS)  # within a long row of numbers
             if at <= len(pad):
                 break
             lines.append(line[:at])

@@ -87,7 +87,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        ([], "Expected one of {run, compare, hysteresis, identify, view"),
+        ([], "Expected one of {run, compare, hysteresis, identify, latency"),
         (["runn"], "Unrecognized options: runn"),
         (["run"], "Missing from endolock run: STR"),
         (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),
@@ -95,7 +95,10 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["run", "strait"], "scenario 'strait' is unknown; use breathing, circle, close, jump"),
         (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use ik, pi"),
         (["run", "rest", "--rig", "car"], "rig 'car' is unknown; use twin"),
-        (["run", "rest", "--vision", "ears"], "vision 'ears' is unknown; use markers or truth"),
+        (
+            ["run", "rest", "--vision", "ears"],
+            "vision 'ears' is unknown; use markers, track or truth",
+        ),
         (
             ["run", "rest", "--instrument", "oboe"],
             "instrument 'oboe' is unknown; use",

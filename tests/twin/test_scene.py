@@ -13,6 +13,9 @@ from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model
 from endolock.vision.detector import MarkerDetector
 
+LARGE = {0, 1, 2, 3}
+"""The markers in the corners of the board; it is too far for the small ones here."""
+
 
 def _corners(image: Image, rig: TwinRig) -> dict[int, Vector]:
     """Marker corners found in a picture, by id."""
@@ -45,8 +48,7 @@ def _steered(up_down: float, left_right: float) -> TwinRig:
 def test_the_board_is_upright_and_in_the_middle() -> None:
     rig = TwinRig("rest", pictures=False)
     corners = _corners(_picture(rig)[0], rig)
-    centres = {i: c.mean(axis=0) for i, c in corners.items()}
-    assert sorted(centres) == [0, 1, 2, 3]
+    centres = {i: corners[i].mean(axis=0) for i in LARGE}
     top_left, top_right, bottom_right, bottom_left = (centres[i] for i in range(4))
     assert top_left[0] < top_right[0]
     assert top_left[1] < bottom_left[1]
@@ -65,7 +67,7 @@ def test_handles_turn_the_view_as_named(
     """Up makes a still target sink in the picture, right makes it go left."""
     rig = _steered(*handles)
     corners = _corners(_picture(rig)[0], rig)
-    moved = np.mean([c.mean(axis=0) for c in corners.values()], axis=0) - (319.5, 239.5)
+    moved = np.mean([corners[i].mean(axis=0) for i in LARGE], axis=0) - (319.5, 239.5)
     along, across = moved @ shift, moved @ (shift[1], shift[0])
     assert along > 20  # 0.4 rad less the width of the hysteresis moves the picture by 50 px
     assert abs(across) < 1  # the other axis is not coupled beyond rounding and detection noise
@@ -97,14 +99,14 @@ def test_base_frame_is_the_camera_at_rest() -> None:
 
 
 @pytest.mark.parametrize("name", sorted({*scenario.names()} - {"close", "occlusion"}))
-def test_the_fixed_camera_sees_all_markers_throughout(name: str) -> None:
+def test_the_fixed_camera_sees_the_large_markers_throughout(name: str) -> None:
     """Not with the tip against the board, nor with something between the two."""
     rig = TwinRig(name, pictures=False)
     for t in np.linspace(0.0, rig.scenario.duration_s, 9):
         # The board's place follows from the step count alone; the section may stay at rest.
         rig.plant.step_count = round(t / rig.plant.timestep_s)
         corners = _corners(_picture(rig, "overview")[0], rig)
-        assert sorted(corners) == [0, 1, 2, 3], f"at {t:.1f} s"
+        assert corners.keys() >= LARGE, f"at {t:.1f} s"
 
 
 def test_the_fixed_camera_sees_the_section() -> None:

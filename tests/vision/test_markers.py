@@ -75,22 +75,22 @@ def test_too_few_markers_are_refused_with_a_reason() -> None:
     frame, eyes = _head_on()
     assert frame.image is not None
     one = frame.image.copy()
-    one[:, 300:] = 200
-    one[300 - 60 :, :] = 200
+    one[:, 270:] = 200  # only the upper left corner of the board stays
+    one[300 - 120 :, :] = 200
     observation = eyes(_with(frame, one))
     assert observation.status is Status.SEARCHING
-    assert observation.why == "1 of 4 markers found, 2 needed"
+    assert observation.why == "1 marker found, 2 needed"
     assert np.isnan(observation.target_px).all()
     assert len(observation.corners_px) == 4
 
 
-@pytest.mark.parametrize("level", [0, 255])
-def test_black_and_saturated_frames_show_nothing(level: int) -> None:
+@pytest.mark.parametrize(("level", "why"), [(0, "picture is black"), (255, "picture is saturated")])
+def test_black_and_saturated_frames_show_nothing(level: int, why: str) -> None:
     frame, eyes = _head_on()
     assert eyes(frame).status is Status.TRACKING
     observation = eyes(_with(frame, np.full((480, 640, 3), level, np.uint8)))
     assert observation.status is Status.COASTING
-    assert observation.why == "0 of 4 markers found, 2 needed"
+    assert observation.why == why
 
 
 def test_markers_that_do_not_fit_the_board_are_refused() -> None:
@@ -103,12 +103,12 @@ def test_markers_that_do_not_fit_the_board_are_refused() -> None:
     assert "markers misfit the board by" in observation.why
 
 
-def test_a_frame_of_another_size_is_an_error() -> None:
+def test_a_frame_of_another_size_is_refused() -> None:
     frame, eyes = _head_on()
-    with pytest.raises(ValueError, match=r"needs a picture of \(480, 640, 3\), got one of"):
-        eyes(_with(frame, np.zeros((240, 320, 3), np.uint8)))
-    with pytest.raises(ValueError, match="got no picture"):
-        eyes(_with(frame, None))
+    observation = eyes(_with(frame, np.zeros((240, 320, 3), np.uint8)))
+    assert observation.status is Status.SEARCHING
+    assert observation.why == "picture is 320x240 px, calibrated for 640x480 px"
+    assert eyes(_with(frame, None)).why == "no picture in the frame"
 
 
 def test_the_lock_outlives_a_few_missing_frames() -> None:
