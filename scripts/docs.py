@@ -26,6 +26,7 @@ from endolock.scripts import (
     run,
     strip,
     verification,
+    vision_docs,
 )
 from endolock.scripts.checks import cable_of
 from endolock.twin import generate, instruments, scenario
@@ -33,7 +34,7 @@ from endolock.twin.instrument import Instrument
 
 ROOT = Path(__file__).resolve().parents[1]
 END = "<!-- end -->"
-PICTURED = ("straight", "circle", "rest")
+PICTURED = ("straight", "circle", "close", "endoscope", "rest")
 """Scenarios run with pictures; the others' tables take the exact projections."""
 HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px", "lost")
 HEAD = """# Results
@@ -46,7 +47,7 @@ here was measured on an endoscope.
 WITHOUT_PICTURES = """## Every scenario, without pictures
 
 The same with `--vision truth`: what eyes that make no error would let these laws do. `occlusion`
-hides nothing from such eyes, and `close` needs smaller markers than this version has.
+hides nothing from such eyes.
 """
 
 
@@ -69,6 +70,8 @@ def main(_args: list[str]) -> int:
         text = _between(guide.read_text(encoding="utf-8"), "own", identified())
         text = _between(text, "foreign", misfitted())
     guide.write_text(text, encoding="utf-8")
+    with console.status("measuring what docs/vision.md says"):
+        vision_docs.write(ROOT / "docs", _between)
     with tempfile.TemporaryDirectory() as place:
         record = hysteresis.perform(hysteresis.Request(map=True, out=Path(place) / "log"))
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")

@@ -75,8 +75,12 @@ def main(request: Request) -> int:
     return 0
 
 
-def perform(request: Request) -> dict[str, Any]:
+def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
     """Move the handle, watch the picture, compare.
+
+    Args:
+        request: what to measure.
+        show_progress: whether there is a progress bar.
 
     Raises:
         ConfigError: the request cannot be carried out, or the picture tells nothing.
@@ -100,7 +104,7 @@ def perform(request: Request) -> dict[str, Any]:
     frames: list[tuple[float, int, float]] = []
     taken: list[float] = []
     newest = -1
-    with rig, progress("latency", duration_s, True) as tell:
+    with rig, progress("latency", duration_s, show_progress) as tell:
         rig.actuators.enable()
         command: Command | None = None
         start = rig.clock.now()

@@ -10,13 +10,17 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 
+from endolock.hw.api import Image
 from endolock.scripts import vision_sequences as sequences
 from endolock.twin import scenario as scenarios
 from endolock.twin.studio import Place, Studio
 from endolock.vision.markers import MarkerEyes
+from endolock.vision.reference import Affine, Reference, select
 from endolock.vision.tracker import Tracker
+from endolock.vision.triple_check import TripleCheck
 
 DISTANCES_M = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.16)
 POSES = 40
@@ -189,3 +193,43 @@ def _plate(distance_m: float, share: float) -> dict[str, Any]:
 
 def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def triple(kinds: Sequence[sequences.Hiding]) -> tuple[list[float], list[float]]:
+    """Give the triple check alone to judge a follower that only looks from frame to frame.
+
+    Such a follower takes whatever moves in its window for the target, and so ends up on the
+    occluder.
+
+    Returns:
+        The check's distances [px] in frames where the follower was right, and where it was wrong.
+    """
+    right: list[float] = []
+    wrong: list[float] = []
+    for kind in kinds:
+        sights = sequences.occluded(kind)
+        first = next(sights)
+        reference = select(first.grey, complex(*first.target_px), (sequences.HALF_PX,) * 2)
+        assert not isinstance(reference, str)
+        check = TripleCheck(reference.offsets)
+        seen = Affine(complex(*first.target_px))
+        check.accept(first.grey, seen)
+        before = first.grey
+        for sight in sights:
+            seen = seen._replace(place=seen.place + _drift(before, sight.grey, seen, reference))
+            check.refusal(sight.grey, seen)
+            if check.ready:
+                off = abs(seen.place - complex(*sight.target_px))
+                (right if off < WRONG_PX else wrong).append(check.distance_px)
+            check.accept(sight.grey, seen)
+            before = sight.grey
+    return right, wrong
+
+
+def _drift(before: Image, now: Image, seen: Affine, reference: Reference) -> complex:
+    """Median motion of the window's points from one picture to the next [px]."""
+    points = seen.place + seen.moves(reference.offsets)
+    start = np.column_stack([points.real, points.imag]).astype(np.float32)
+    ends, ok, _ = cv2.calcOpticalFlowPyrLK(before, now, start, start.copy(), maxLevel=2)
+    moved = (ends - start)[ok.ravel() > 0]
+    return complex(*np.median(moved, axis=0).tolist()) if len(moved) else 0j

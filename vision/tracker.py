@@ -107,7 +107,7 @@ class Tracker:
         if not why and not isinstance(found, str):
             why = self._check.refusal(grey, found[0])
         if why:
-            self._check.skip(grey)
+            self._check.skip()
             again = self._search(whole(grey)) if self._missed else why
             if isinstance(again, str):
                 return self._miss(why)
@@ -233,7 +233,7 @@ def _follow(
         after,
         start,
         aim.copy(),
-        winSize=(15, 15),
+        winSize=(25, 25),
         maxLevel=1,
         criteria=_UNTIL,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,

@@ -37,6 +37,11 @@ class TripleCheck:
         self.distance_px = 0.0
         """Of the last check; 0 where there was none [px]."""
 
+    @property
+    def ready(self) -> bool:
+        """Whether the next picture can be checked: the last two were taken in."""
+        return self._now is not None and self._now[3] is not None
+
     def refusal(self, grey: Image, seen: Affine) -> str:
         """Say whether the motion into a picture fits; empty if it does, or cannot be told.
 
@@ -45,11 +50,9 @@ class TripleCheck:
             seen: where the target is taken to be in it.
         """
         self.distance_px = 0.0
-        if self._before is None or self._now is None:
+        if self._before is None or self._now is None or self._now[3] is None:
             return ""
         moved = self._now[3]
-        if moved is None:
-            return ""
         two = self._flow(self._before, grey, seen, self._before[2])
         one = self._flow(self._now, grey, seen, moved)
         apart = np.abs(one - two)
@@ -65,8 +68,8 @@ class TripleCheck:
         moved = self._flow(self._before, grey, seen, self._before[2]) if self._before else None
         self._now = (*now[:3], moved)
 
-    def skip(self, grey: Image) -> None:
-        """Take in a picture in which it was not: the next two cannot be checked."""
+    def skip(self) -> None:
+        """Forget both: the target was not found, and the next two pictures cannot be checked."""
         self._before = self._now = None
 
     def _flow(
@@ -80,20 +83,12 @@ class TripleCheck:
         picture, place, _, _ = start
         reach = int(np.abs(self._offsets).max() * max(1.0, seen.scale)) + HALF
         half = reach, reach
-        first, last = (
-            (round(place.real), round(place.imag)),
-            (
-                round(seen.place.real),
-                round(seen.place.imag),
-            ),
-        )
+        first, last = ((round(where.real), round(where.imag)) for where in (place, seen.place))
         own, other = crop(picture, first, half), crop(grey, last, half)
         shift = complex(*half)
         local = points - complex(*first) + shift
-        guess = local  # both windows are centred on the target
-        pixels, aims = (
-            np.column_stack([p.real, p.imag]).astype(np.float32) for p in (local, guess)
-        )
+        pixels = np.column_stack([local.real, local.imag]).astype(np.float32)
+        aims = pixels.copy()  # both windows are centred on the target
         moved, _, _ = cv2.calcOpticalFlowPyrLK(
             own,
             other,
