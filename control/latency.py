@@ -89,10 +89,11 @@ def measure(
     Returns:
         The result, or why there is none.
     """
-    taus = np.arange(0.0, LONGEST_S + STEP_S / 2, STEP_S)
+    if not motion.stroke.any():
+        return "the handle made no steady stroke; was it free to move?"
+    taus = np.arange(-STEP_S, LONGEST_S + STEP_S / 2, STEP_S)  # 0 must not lie at the edge
     early, late = delivered[:-1], delivered[1:]
-    # Which stroke a frame belongs to depends on the latency: take a first one from all frames.
-    sums = []
+    sums = []  # anew for each latency, for the stroke that a frame belongs to depends on it
     for tau in taus:
         turned = np.interp(late - tau, motion.t, motion.handle)
         turned -= np.interp(early - tau, motion.t, motion.handle)
@@ -101,7 +102,7 @@ def measure(
         sums.append(_sums(turned, np.nan_to_num(rotation), stroke, int(motion.stroke.max())))
     table = np.array(sums)  # latency, stroke, sums
     if (table[..., 0].sum(axis=1) < 20).any():
-        return "too few frames during steady strokes; was the handle free to move?"
+        return "too few frames during steady strokes; record more strokes"
     best, peak = _peak(taus, table.sum(axis=1))
     if peak < 0.5:
         return f"picture and handle do not move together (correlation {peak:.2f})"

@@ -104,7 +104,7 @@ def occluded(kind: Hiding, frames: int = 200) -> Iterator[Sight]:
     way = speed * np.array([cos(angle), sin(angle)])
     met = np.array(board(MEETING_S)) * PLATE_DISTANCE_M / DISTANCE_M
     start_s = 0.2
-    over_s = MEETING_S - start_s if kind.style == "parking" else 0.25 / speed
+    over_s = (MEETING_S - start_s) * (1 if kind.style == "parking" else 2)
     first = met - way * (MEETING_S - start_s)
     plate = {
         "look": kind.look,
