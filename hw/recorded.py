@@ -114,9 +114,9 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
         before: Image | None = None
         for seq in count():
             image = _read(reader)
+            if seq >= len(stamps) and image is None:
+                return
             if seq >= len(stamps):
-                if image is None:
-                    return
                 raise ConfigError(
                     f"{path} has more than the {len(stamps)} frames that have time stamps; give "
                     "one row a frame with --times"

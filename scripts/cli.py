@@ -96,6 +96,7 @@ def _dispatch(args: list[str]) -> int:
     try:
         from endolock.scripts import (
             bench,
+            board,
             calibrate,
             compare,
             hysteresis,
@@ -119,6 +120,7 @@ def _dispatch(args: list[str]) -> int:
         | Annotated[hysteresis.Request, tyro.conf.subcommand("hysteresis")]
         | Annotated[identify.Request, tyro.conf.subcommand("identify")]
         | Annotated[latency.Request, tyro.conf.subcommand("latency")]
+        | Annotated[board.Request, tyro.conf.subcommand("board")]
         | Annotated[calibrate.Request, tyro.conf.subcommand("calibrate")]
         | Annotated[watch.Request, tyro.conf.subcommand("watch")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
@@ -131,6 +133,7 @@ def _dispatch(args: list[str]) -> int:
         hysteresis.Request: hysteresis.main,
         identify.Request: identify.main,
         latency.Request: latency.main,
+        board.Request: board.main,
         calibrate.Request: calibrate.main,
         watch.Request: watch.main,
         view.Request: view.main,

@@ -32,9 +32,9 @@ MIN_CORNERS = 16
 """Of one view: four markers."""
 MAX_VIEWS = 60
 """More take longer and tell no more."""
-MIN_TILT_DEG = 15.0
+MIN_TILT_DEG = 25.0
 """Largest angle between two views of the board: seen from one side only, a longer focal length
-looks just like a larger distance. Assumed."""
+looks just like a larger distance. Source: within 17 deg it came out 3 % too long."""
 MAX_RMS_PX = 1.0
 """What is left of a calibration that can be used. Assumed: seven times the corners' noise."""
 
@@ -107,8 +107,8 @@ def calibrate(
             f"the board is seen with {MIN_CORNERS // 4} markers or more in {len(useful)} pictures, "
             f"{MIN_VIEWS} needed; record a longer sequence, nearer, in better light"
         )
-    step = max(1, len(useful) // MAX_VIEWS)
-    chosen = useful[::step][:MAX_VIEWS]
+    count = min(len(useful), MAX_VIEWS)
+    chosen = [useful[n] for n in np.linspace(0, len(useful) - 1, count).round().astype(int)]
     points = [np.concatenate([corners[i] for _, i in view]) for view in chosen]
     pixels = [np.concatenate([seen for seen, _ in view]) for view in chosen]
     rms, matrix, distortion = _solve(points, pixels, size, projection)

@@ -44,7 +44,7 @@ def test_pictures_that_do_not_move_with_the_handle_are_refused() -> None:
     found = latency.measure(
         latency.strokes(T, HANDLE),
         delivered,
-        np.arange(len(delivered)),
+        np.arange(float(len(delivered))),
         random.normal(0, 0.01, len(delivered) - 1),
     )
     assert isinstance(found, str)
@@ -56,7 +56,7 @@ def test_a_handle_that_stands_still_is_refused() -> None:
     found = latency.measure(
         latency.strokes(T, np.zeros_like(T)),
         delivered,
-        np.arange(len(delivered)),
+        np.arange(float(len(delivered))),
         np.zeros(len(delivered) - 1),
     )
     assert isinstance(found, str)
@@ -76,7 +76,7 @@ def _measured(
     """Frames at 25 Hz of a tip that follows the handle."""
     random = np.random.default_rng(1)
     tip = HANDLE if tip is None else tip
-    seq = np.arange(int((T[-1] - true) * 25))
+    seq = np.arange(float(int((T[-1] - true) * 25)))
     exposed = seq / 25
     delivered = exposed + true + random.uniform(-jitter_s, jitter_s, len(seq))
     seen = np.interp(exposed, T, tip)

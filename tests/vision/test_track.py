@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from endolock.control.loop import run
+from endolock.control.loop import Run, run
 from endolock.control.metrics import score
 from endolock.control.pi import PI
 from endolock.hw.api import ConfigError, Frame
@@ -30,7 +30,7 @@ def test_a_run_without_markers_is_locked_and_judged_by_them() -> None:
     assert judged["max"] > 0
 
 
-def replace_truth(result):  # type: ignore[no-untyped-def]
+def replace_truth(result: Run) -> Run:
     """What a bench would have kept of a run."""
     result.seen = [replace(s, truth=None) for s in result.seen]
     result.ticks = [replace(t, truth=None) for t in result.ticks]

@@ -1,0 +1,40 @@
+"""`endolock latency` on the twin: within 5 ms, and honest where it cannot tell."""
+
+import json
+
+import pytest
+
+from endolock.scripts import cli
+
+
+@pytest.mark.parametrize("latency_s", [0.1, 0.33])
+def test_the_latency_is_found_within_5_ms(
+    latency_s: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["latency", "--latency-s", str(latency_s), "--strokes", "4", "--json", "-"]
+    assert cli.main(args) == 0
+    told = json.loads(capsys.readouterr().out)
+    # the gate; 4-5 ms of it is the lag of the tip behind the encoder, always late
+    assert 0 <= told["latency_s"] - latency_s <= 0.005
+    assert told["frame_rate_hz"] == pytest.approx(25.0, rel=1e-6)  # without jitter, rounding alone
+    assert told["jitter_s"] < 1e-6
+    low, high = told["ci95_s"]
+    assert low <= told["latency_s"] <= high
+    assert told["vision_ms"] > 0
+
+
+@pytest.mark.parametrize(
+    ("args", "why"),
+    [
+        (["--axis", "roll"], "axis 'roll' is unknown; use up_down or left_right"),
+        (["--strokes", "2"], "strokes 2: an interval needs 4 or more"),
+        (["--rig", "car"], "rig 'car' is unknown"),
+    ],
+)
+def test_bad_input_gives_one_line(
+    args: list[str], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["latency", *args]) == 2
+    said = capsys.readouterr().err
+    assert why in said
+    assert said.count("\n") == 1
