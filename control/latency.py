@@ -7,8 +7,9 @@ of delivery and h the handle, the rotation between two frames is
     r_k = g (h(a_k - L) - h(a_k-1 - L)) + noise,
 
 and L is where the correlation of both sides is largest. Between exposures nothing is known of the
-picture, and nothing needs to be: the handle's own history is fine enough. Frames near a reversal of
-the handle are left out. Whole strokes, drawn again with repetition, give the interval of 95 %.
+picture, and nothing needs to be: the handle's own history is fine enough. The a_k are taken from
+the line through the times of delivery. Frames near a reversal of the handle are left out. Whole
+strokes, drawn again with repetition, give the interval of 95 %.
 """
 
 from __future__ import annotations
@@ -92,7 +93,10 @@ def measure(
     if not motion.stroke.any():
         return "the handle made no steady stroke; was it free to move?"
     taus = np.arange(-STEP_S, LONGEST_S + STEP_S / 2, STEP_S)  # 0 must not lie at the edge
-    early, late = delivered[:-1], delivered[1:]
+    # Exposures are evenly spaced, whatever happens to the frames afterwards: jitter averages out.
+    period, start = np.polyfit(seq, delivered, 1)
+    even = period * seq + start
+    early, late = even[:-1], even[1:]
     sums = []  # anew for each latency, for the stroke that a frame belongs to depends on it
     for tau in taus:
         turned = np.interp(late - tau, motion.t, motion.handle)
@@ -112,9 +116,8 @@ def measure(
         _peak(taus, table[:, random.integers(0, count, count)].sum(axis=1))[0] for _ in range(draws)
     ]
     low, high = np.percentile(drawn, [2.5, 97.5])
-    rate, start = np.polyfit(seq, delivered, 1)
-    jitter = float(np.std(delivered - (rate * seq + start)))
-    return Latency(best, (float(low), float(high)), jitter, float(1 / rate), peak)
+    jitter = float(np.std(delivered - even))
+    return Latency(best, (float(low), float(high)), jitter, float(1 / period), peak)
 
 
 def _stroke(motion: Strokes, early: Vector, late: Vector) -> Vector:

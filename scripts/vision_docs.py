@@ -145,7 +145,7 @@ class Measured:
             "measured",
             "95 % of the noise",
             "error",
-            "jitter measured (std)",
+            "jitter (std)",
         ]
         return _table(head, rows)
 
