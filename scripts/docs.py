@@ -36,6 +36,8 @@ ROOT = Path(__file__).resolve().parents[1]
 END = "<!-- end -->"
 PICTURED = ("straight", "circle", "close", "endoscope", "rest")
 """Scenarios run with pictures; the others' tables take the exact projections."""
+STRIPS = {"straight": "strip.png", "endoscope": "endoscope.png"}
+"""Runs with `pi` of which pictures are shown."""
 HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px", "lost")
 HEAD = """# Results
 
@@ -81,8 +83,8 @@ def main(_args: list[str]) -> int:
         with tempfile.TemporaryDirectory() as place:
             record, folder = _run(name, law, "markers", Path(place) / "run")
             records.append(record)
-            if (name, law) == ("straight", "pi"):
-                shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / "strip.png")
+            if law == "pi" and name in STRIPS:
+                shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / STRIPS[name])
     for name, law in product(scenario.names(), ("pi", "ik")):
         with tempfile.TemporaryDirectory() as place:
             fast.append(_run(name, law, "truth", Path(place) / "run")[0])

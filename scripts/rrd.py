@@ -116,6 +116,8 @@ def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -
         corners = np.array(row["corners_px"] or np.empty((0, 2)), float)
         squares = [[*square, square[0]] for square in corners.reshape(-1, 4, 2) + 0.5]
         stream.log("tip/markers", rr.LineStrips2D(squares, colors=BLUE, radii=0.8))
+        judged = [np.add(row["reference_px"], 0.5)] if row["reference_px"] else []
+        stream.log("tip/by_markers", rr.Points2D(judged, colors=GREEN, radii=2.5))
         spot = [np.add(row["target_px"], 0.5)] if row["status"] == "tracking" else []
         stream.log("tip/target", rr.Points2D(spot, colors=YELLOW, radii=4.0))
     _true_poses(stream, [row for row in rows if row["true_t"] is not None])

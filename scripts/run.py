@@ -32,7 +32,7 @@ class Request:
 
     scenario: tyro.conf.Positional[str]
     """straight, circle, triangle, random, close, jump, roll, push, breathing, shaft_loop,
-    occlusion, rest, or a TOML file of the same form."""
+    occlusion, endoscope, rest, or a TOML file of the same form."""
     controller: str = "pi"
     """Control law: pi or ik."""
     rig: str = "twin"

@@ -45,3 +45,21 @@ def test_the_schema_for_editors_is_that_of_the_code() -> None:
     assert (place / "schema.json").read_text() == docs.schema()
     for file in place.glob("*.toml"):
         assert file.read_text().startswith("#:schema schema.json\n")  # what editors look for
+
+
+def test_the_readme_promises_of_vision_no_more_than_was_measured() -> None:
+    text = " ".join((ROOT / "README.md").read_text().split())
+    promised = re.search(r"target to ([\d.]+) px rms and its depth to ([\d.]+) %", text)
+    worst = re.search(r"no place more than ([\d.]+) px off", text)
+    assert promised
+    assert worst
+    page = (ROOT / "docs/vision.md").read_text()
+    rows = re.findall(r"^\| \d+ mm \|(.*)\|$", page, re.MULTILINE)
+    cells = [[float(c.strip(" %")) for c in row.split("|")] for row in rows]
+    assert len(cells) > 5
+    assert max(c for row in cells for c in row[0::4]) <= float(promised[1])
+    assert max(c for row in cells for c in row[2::4]) <= float(promised[2])
+    assert re.search(r"\| of these accepted \| 0 \|", page)
+    largest = re.search(r"largest error of an accepted frame \| ([\d.]+) px", page)
+    assert largest
+    assert float(largest[1]) <= float(worst[1])

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
-from endolock.twin import optics, scene
+from endolock.twin import scene, stage
 from endolock.twin import transmission as cable
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument, Numerics
@@ -56,12 +56,7 @@ class TwinPlant:
         self._tilt = cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
         self.base_from_board = _matrix(self._tilt)
         self._distance_m = scenario.board.distance_m
-        plates = tuple(scene.Plate(plate.size_m, plate.look) for plate in scenario.occluder)
-        board, light = scenario.board, scenario.light
-        facets = scene.FACETS if light.falls_off else 1
-        spec = scene.build(instrument, numerics, board.kind, plates, facets)
-        scene.set_light(spec, light.room, light.tip, light.back, falls_off=light.falls_off)
-        scene.set_shot(spec, optics.shot(scenario.camera))
+        spec = stage.build(scenario, instrument, numerics)
         if scenario.gravity:
             spec.option.gravity = GRAVITY
         self._origin = scene.camera_at_rest(instrument)
@@ -74,10 +69,7 @@ class TwinPlant:
         rings = [f"ring_{n}" for n in range(1, numerics.hinges + 1)]
         self._backbone = [model.body(name).id for name in ("base", *rings, "tip")]
         self._turning = int(model.body("base").mocapid[0])
-        self._moving = [int(model.body("target").mocapid[0])]
-        self._moving += [
-            int(model.body(f"occluder_{n + 1}").mocapid[0]) for n in range(len(plates))
-        ]
+        self._moving = stage.movable(model)
         self._transmission = cable.Transmission(model, self.data, instrument)
         self._refresh_steps = round(cable.REFRESH_S / model.opt.timestep)
 

@@ -16,7 +16,6 @@ from endolock.hw.api import BoardGeometry, ConfigError, Image, Vector
 from endolock.twin import board as boards
 from endolock.twin import section, tissue
 from endolock.twin.instrument import Instrument, Numerics
-from endolock.twin.optics import Shot
 
 TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_centre", "wall")}
 """The printed board, its middle and the wall behind it, beside scene.xml."""
@@ -225,13 +224,6 @@ def set_light(
         spec.light("tip").attenuation = [0.0, 0.0, TIP_LIGHT_M**-2]
     for name in ("board", "board_centre"):
         spec.material(name).emission = back
-
-
-def set_shot(spec: mujoco.MjSpec, shot: Shot) -> None:
-    """Make the tip camera take pictures of that size and field of view."""
-    spec.visual.global_.offwidth = max(640, shot.width)
-    spec.visual.global_.offheight = max(480, shot.height)
-    spec.camera("tip").fovy = shot.fovy_deg
 
 
 def board_quaternion(base_from_board: Vector) -> Vector:

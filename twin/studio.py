@@ -15,7 +15,7 @@ import numpy as np
 
 from endolock.hw.api import Frame, Image, Vector
 from endolock.twin import board as boards
-from endolock.twin import camera, optics, scene
+from endolock.twin import camera, optics, scene, stage
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 from endolock.vision import camera_model
@@ -52,23 +52,18 @@ class Studio:
     """
 
     def __init__(self, scenario: Scenario, seed: int = 0) -> None:
-        board, light = scenario.board, scenario.light
+        board = scenario.board
         self._plates = scenario.occluder
         self.board = boards.prints()[board.kind].aimed_at(board.target)
         self.calibration = optics.calibration(scenario.camera)
         self._shot = optics.shot(scenario.camera)
         self._optics = optics.Optics(scenario.camera, seed)
-        plates = tuple(scene.Plate(plate.size_m, plate.look) for plate in self._plates)
-        facets = scene.FACETS if light.falls_off else 1
-        spec = scene.build(None, None, board.kind, plates, facets)
-        scene.set_light(spec, light.room, light.tip, light.back, falls_off=light.falls_off)
-        scene.set_shot(spec, self._shot)
+        spec = stage.build(scenario)
         self._origin = scene.camera_at_rest(Instrument())
         model = self._model = spec.compile()
         self._data = mujoco.MjData(model)
         self._index = scene.camera_id(model, "tip")
-        names = ["target", *(f"occluder_{n + 1}" for n in range(len(plates)))]
-        self._bodies = [int(model.body(name).mocapid[0]) for name in names]
+        self._bodies = stage.movable(model)
         self._renderer = camera.Renderer(model)
         self._taken = 0
 

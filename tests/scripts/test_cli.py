@@ -92,7 +92,10 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["run"], "Missing from endolock run: STR"),
         (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),
         (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
-        (["run", "strait"], "scenario 'strait' is unknown; use breathing, circle, close, jump"),
+        (
+            ["run", "strait"],
+            "scenario 'strait' is unknown; use breathing, circle, close, endoscope",
+        ),
         (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use ik, pi"),
         (["run", "rest", "--rig", "car"], "rig 'car' is unknown; use twin"),
         (

@@ -1,0 +1,118 @@
+"""Draws the printed boards as SVG, in mm: the same markers, discs and tissue as in the twin."""
+
+from __future__ import annotations
+
+import base64
+
+import cv2
+import numpy as np
+
+from endolock.hw.api import Image
+from endolock.twin import board as boards
+from endolock.twin.board import Patch, Print
+
+MODULES = 6
+"""Of a marker's side, black border included."""
+MARGIN_MM = 10.0
+RULER_MM = 50.0
+
+
+def sheet(board: Print) -> str:
+    """Draw a board as an SVG of true size, with a line to cut along and a ruler below.
+
+    Args:
+        board: what to draw.
+
+    Returns:
+        The SVG. Its units are mm, and the board's centre is its origin.
+    """
+    side = board.geometry.size_m * 1e3
+    low, width, height = -side / 2 - MARGIN_MM, side + 2 * MARGIN_MM, side + 3 * MARGIN_MM
+    y = side / 2 + MARGIN_MM
+    ends = " ".join(f"M{x:g} {y - 2:g}v4" for x in (-RULER_MM / 2, RULER_MM / 2))
+    return f"""<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" \
+viewBox="{low:g} {low:g} {width:g} {height:g}">
+{drawing(board)}
+<rect id="cut" x="{-side / 2:g}" y="{-side / 2:g}" width="{side:g}" height="{side:g}" \
+fill="none" stroke="#808080" stroke-width="0.1"/>
+<path id="ruler" d="M{-RULER_MM / 2:g} {y:g}h{RULER_MM:g} {ends}" fill="none" stroke="black" \
+stroke-width="0.2"/>
+<text x="0" y="{y + 6:g}" font-family="sans-serif" font-size="4" text-anchor="middle">\
+print at 100 %; this line is {RULER_MM:g} mm</text>
+</svg>
+"""
+
+
+def drawing(board: Print) -> str:
+    """Draw what is on a board as SVG elements [mm], from its centre, right and down."""
+    geometry = board.geometry
+    half = geometry.size_m * 500
+    parts = [_rect(-half, -half, 2 * half, 2 * half, boards.PAPER)]
+    tissue = [patch for patch in board.patches if patch.kind == "tissue"]
+    if tissue:
+        texels = boards.picture(board, boards.CENTRE_M, boards.CENTRE_TEXELS_PER_MM)
+        parts += [_tissue(patch, n, texels) for n, patch in enumerate(tissue)]
+    for patch in board.patches:
+        if patch.kind == "rings":
+            parts += [
+                f'<circle cx="{_mm(patch.x)}" cy="{_mm(patch.y)}" r="{_mm(radius)}" '
+                f'fill="{_hex(colour)}"/>'
+                for radius, colour in boards.rings(patch.radius)
+            ]
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, geometry.dictionary))
+    for marker, x, y, size in geometry.markers:
+        bits = cv2.aruco.generateImageMarker(dictionary, marker, MODULES) > 0
+        parts.append(f'<g id="marker-{marker}">{_marker(bits, x * 1e3, y * 1e3, size * 1e3)}</g>')
+    return "\n".join(parts)
+
+
+def _marker(bits: np.ndarray, x: float, y: float, size: float) -> str:
+    """Draw a marker: a square of ink, and paper in it.
+
+    Every row and every column of paper is one rectangle, so none of them meet in a visible seam.
+    """
+    left, top, step = x - size / 2, y - size / 2, size / MODULES
+    parts = [_rect(left, top, size, size, boards.INK)]
+    for n in range(MODULES):
+        for start, count in _spans(bits[n]):
+            u, v = left + start * step, top + n * step
+            parts.append(_rect(u, v, count * step, step, boards.PAPER))
+        for start, count in _spans(bits[:, n]):
+            u, v = left + n * step, top + start * step
+            parts.append(_rect(u, v, step, count * step, boards.PAPER))
+    return "".join(parts)
+
+
+def _spans(row: np.ndarray) -> list[tuple[int, int]]:
+    """List where in a row there is paper: first module and count."""
+    edges = np.flatnonzero(np.diff(row.astype(int), prepend=0, append=0)).tolist()
+    return [(a, b - a) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _tissue(patch: Patch, number: int, texels: Image) -> str:
+    """Cut a patch out of a picture of the board's middle: the same tissue as in the twin."""
+    scale = boards.CENTRE_TEXELS_PER_MM * 1e3
+    side = 2 * round(patch.radius * scale)
+    left, top = (round((c + boards.CENTRE_M / 2) * scale - side / 2) for c in (patch.x, patch.y))
+    crop = cv2.cvtColor(texels[top : top + side, left : left + side], cv2.COLOR_RGB2BGR)
+    code = base64.b64encode(cv2.imencode(".png", crop)[1].tobytes()).decode("ascii")
+    x, y, r = _mm(patch.x), _mm(patch.y), _mm(patch.radius)
+    return (
+        f'<clipPath id="disc-{number}"><circle cx="{x}" cy="{y}" r="{r}"/></clipPath>'
+        f'<image x="{_mm(patch.x - patch.radius)}" y="{_mm(patch.y - patch.radius)}" '
+        f'width="{_mm(2 * patch.radius)}" height="{_mm(2 * patch.radius)}" '
+        f'clip-path="url(#disc-{number})" href="data:image/png;base64,{code}"/>'
+    )
+
+
+def _rect(x: float, y: float, width: float, height: float, colour: tuple[int, int, int]) -> str:
+    numbers = (f"{round(v, 5):g}" for v in (x, y, width, height))
+    return '<rect x="{}" y="{}" width="{}" height="{}" fill="{}"/>'.format(*numbers, _hex(colour))
+
+
+def _mm(metres: float) -> str:
+    return f"{round(metres * 1e3, 5):g}"
+
+
+def _hex(colour: tuple[int, int, int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)
