@@ -2,7 +2,7 @@
 
 Every frame is compared with the first, not with the one before, so nothing drifts. A coarse
 correlation near the predicted place gives the start; points of the reference, turned and scaled as
-last seen, are then followed by Lucas-Kanade into the frame, and a similarity is fitted to them. A
+last seen, are then followed by Lucas-Kanade into the frame, and an affine map is fitted to them. A
 frame in which one of the gates says no is refused, with its name: a wrong lock is worse than none.
 
 Reference:
