@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from concurrent.futures import Future
 
 import mujoco
 
 import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 from endolock.twin.randomness import generator
+
+Picture = Image | Future[Image] | None
+"""A picture, one that is still being made, or none."""
 
 
 class Renderer:
@@ -108,8 +112,8 @@ class TwinCamera:
         self._jitter = generator(seed, "camera.jitter")
         self._drops = generator(seed, "camera.drops")
         self._repeats, self._repeat_fraction = generator(seed, "camera.repeats"), repeat_fraction
-        self._line: deque[tuple[float, int, Image | None, bool]] = deque()
-        self._sent: Image | None = None
+        self._line: deque[tuple[float, int, Picture, bool]] = deque()
+        self._sent: Picture = None
         self._newest: Frame | None = None
         self._last_available = 0.0
 
@@ -127,7 +131,7 @@ class TwinCamera:
         self._last_available = max(t + late, t, self._last_available)
         return self._last_available
 
-    def send(self, seq: int, available: float, image: Image | None) -> None:
+    def send(self, seq: int, available: float, image: Picture) -> None:
         """Put a picture on its way, to arrive at `available` [s]."""
         repeated = seq > 0 and self._repeats.random() < self._repeat_fraction
         self._sent = self._sent if repeated else image
@@ -142,7 +146,7 @@ class TwinCamera:
         if arrived:
             available, seq, image, repeated = arrived
             self._newest = Frame(
-                image=image,
+                image=image.result() if isinstance(image, Future) else image,
                 t_capture=available - self._latency_s,
                 t_available=available,
                 seq=seq,

@@ -18,6 +18,8 @@ from endolock.twin.scenario import Scenario
 GRAVITY = (0.0, 0.0, -9.81)
 """In world axes, where a scenario has it [m/s2]."""
 
+_CROSS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+
 _UNSTABLE = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -68,6 +70,7 @@ class TwinPlant:
         self._tip, self._base = model.body("tip").id, model.body("base").id
         rings = [f"ring_{n}" for n in range(1, numerics.hinges + 1)]
         self._backbone = [model.body(name).id for name in ("base", *rings, "tip")]
+        self._camera = scene.camera_id(model, "tip")
         self._turning = int(model.body("base").mocapid[0])
         self._moving = stage.movable(model)
         self._transmission = cable.Transmission(model, self.data, instrument)
@@ -119,6 +122,28 @@ class TwinPlant:
     def board_position(self) -> tuple[float, float, float]:
         """Present position of the board's centre in the base frame [m]."""
         return (*self.course.board(self.t), self._distance_m)
+
+    def seen_speed(self) -> float:
+        """Angular speed of what moves fastest in the tip camera's picture, about [rad/s].
+
+        Board, occluders and wall are looked at, each by its middle and four points around it.
+        """
+        data, step = self.data, 1e-3
+        velocity = np.empty(6)
+        kind = mujoco.mjtObj.mjOBJ_CAMERA
+        mujoco.mj_objectVelocity(self.model, data, kind, self._camera, velocity, 0)
+        now, soon = (
+            np.array([(*self.course.board(t), self._distance_m), *self.course.occluders(t)])
+            for t in (self.t, self.t + step)
+        )
+        speeds = np.vstack([(soon - now) / step, np.zeros(3)]) @ scene.WORLD_FROM_BASE.T
+        middles = np.vstack([now, (0.0, 0.0, self._distance_m + scene.WALL_DISTANCE_M)])
+        around = self._distance_m / 2 * _CROSS
+        points = self._origin + (middles[:, None] + around) @ scene.WORLD_FROM_BASE.T
+        way = points - data.cam_xpos[self._camera]
+        moves = speeds[:, None] - velocity[3:] - np.cross(velocity[:3], way)
+        across = np.linalg.norm(np.cross(way, moves), axis=-1)
+        return float((across / np.einsum("...i,...i", way, way)).max())
 
     def draw_board(self) -> None:
         """Put board and occluders, cameras and lights where they are now, for rendering."""

@@ -7,6 +7,7 @@ stand at fixed points of the physics grid, so cutting a sleep into pieces change
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from math import ceil, inf
 from pathlib import Path
@@ -32,6 +33,9 @@ OVERVIEW_SIZE = (480, 360)
 OVERVIEW_EVERY = 2
 """Pictures of the fixed camera, width and height [px], one for so many of the tip camera's: for
 people, so a quarter of the price will do."""
+SHARP_PX = 1.0
+"""A picture in which nothing moves farther than this during its exposure is drawn once [px]; the
+average of several would differ by a fraction of a pixel. Assumed."""
 
 
 class TwinClock:
@@ -120,6 +124,8 @@ class TwinRig:
         self._shot = optics.shot(video)
         self._available: float | None = None
         self._pictures: list[Image] = []
+        self._blurred = False
+        self._darkroom = ThreadPoolExecutor(1)  # one, so that noise is drawn in the same order
         self._shutter = shutter.moments(video, self.clock.timestep_s, pictures=pictures)
         self._moment = next(self._shutter)
 
@@ -165,6 +171,7 @@ class TwinRig:
     def close(self) -> None:
         """Switch the handles off and give the OpenGL context back; may be called twice."""
         self.actuators.close()
+        self._darkroom.shutdown()
         if self._renderer:
             self._renderer.close()
 
@@ -199,7 +206,11 @@ class TwinRig:
                 self.plant.draw_board()
                 fixed = self._renderer.draw(self.plant.data, self._fixed, *OVERVIEW_SIZE)
                 self.overview.send(seq, t, fixed)
-        if self._renderer:
+        if moment.first and not moment.last:
+            video = self.scenario.camera
+            moved = self.plant.seen_speed() * video.exposure_s * self.camera.calibration.focal_px
+            self._blurred = moved > SHARP_PX
+        if self._renderer and (moment.nominal or self._blurred):
             self.plant.draw_board()
             size = self._shot.width, self._shot.height
             self._pictures.append(self._renderer.draw(self.plant.data, self._tip, *size))
@@ -207,7 +218,7 @@ class TwinRig:
             return
         taken, self._pictures = self._pictures, []
         if self._available is not None:
-            image = self._optics.develop(taken) if self._optics else None
+            image = self._darkroom.submit(self._optics.develop, taken) if self._optics else None
             self.camera.send(seq, max(self._available, t), image)
 
 

@@ -83,8 +83,8 @@ class Camera(Section):
     exposure_s: float = Field(default=0.0, ge=0, le=0.1)
     """How long a frame is exposed, around its time [s]; 0 gives no motion blur. Assumed."""
     sub_exposures: int = Field(default=5, ge=1, le=31)
-    """Pictures averaged over an exposure, an odd number; each is drawn. Assumed: at 7 px of blur
-    they stand 1.4 px apart."""
+    """Pictures averaged over an exposure, an odd number; one is drawn where nothing moves by a
+    pixel. Assumed: at 7 px of blur they stand 1.4 px apart."""
     noise: float = Field(default=0.0, ge=0, le=64)
     """Standard deviation of the sensor's noise [grey levels of 255]. Assumed."""
     jpeg_quality: int = Field(default=0, ge=0, le=100)

@@ -16,6 +16,8 @@ class Moment(NamedTuple):
     """On the physics grid."""
     seq: int
     """Of which frame."""
+    first: bool
+    """Whether the frame begins with it."""
     nominal: bool
     """Whether the frame counts as taken now: in the middle of its exposure."""
     last: bool
@@ -35,4 +37,4 @@ def moments(camera: Camera, timestep_s: float, *, pictures: bool) -> Iterator[Mo
         for part in range(parts):
             off = ((part + 0.5) / parts - 0.5) * camera.exposure_s
             step = round((seq / camera.frame_rate_hz + off) / timestep_s)
-            yield Moment(max(0, step), seq, 2 * part + 1 == parts, part + 1 == parts)
+            yield Moment(max(0, step), seq, part == 0, 2 * part + 1 == parts, part + 1 == parts)

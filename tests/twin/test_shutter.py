@@ -73,6 +73,40 @@ def test_a_blurred_target_is_where_it_was_in_the_middle_of_the_exposure() -> Non
     assert np.abs(np.mean(off, axis=0)).max() < 0.1
 
 
+def test_a_picture_in_which_nothing_moves_by_a_pixel_is_drawn_once() -> None:
+    def picture(speed: float, parts: int) -> np.ndarray:
+        jump = {"kind": "jump", "direction_deg": 0.0, "start_s": 0.0, "over_s": 1.0}
+        camera = {"camera.exposure_s": 0.02, "camera.sub_exposures": parts}
+        moving = {**camera, "camera.latency_s": 0.0, "motion": [{**jump, "travel_m": speed}]}
+        with TwinRig(scenario.load("rest", moving)) as rig:
+            rig.clock.sleep_until(0.53)
+            frame = rig.camera.latest()
+        assert frame is not None
+        assert frame.image is not None
+        return frame.image
+
+    # one pixel in 20 ms: 1 px / 262 px x 120 mm / 20 ms = 23 mm/s, 12 of them on the average
+    assert np.array_equal(picture(0.007, 3), picture(0.007, 1))
+    assert not np.array_equal(picture(0.03, 3), picture(0.03, 1))
+
+
+def test_what_moves_fastest_in_the_picture_is_known() -> None:
+    def speed(**changes: Any) -> float:
+        with TwinRig(scenario.load("rest", changes), pictures=False) as rig:
+            rig.clock.sleep_until(1.0)
+            return rig.plant.seen_speed()
+
+    jump = {"kind": "jump", "direction_deg": 0.0, "travel_m": 0.01, "start_s": 0.0, "over_s": 2.0}
+    with TwinRig(scenario.load("rest", {"motion": [jump]}), pictures=False) as rig:
+        rig.clock.sleep_until(0.99)
+        before = np.array(rig.truth.now().plant.board.position)
+        rig.clock.sleep_until(1.01)
+        moved = np.array(rig.truth.now().plant.board.position) - before
+    angle = np.linalg.norm(moved) / 0.02 / 0.12
+    assert speed(motion=[jump]) == pytest.approx(angle, rel=1e-2)  # its middle, straight ahead
+    assert speed() < 1e-3  # the tip settles
+
+
 def test_repeated_pictures_are_flagged_and_never_new() -> None:
     repeats = {"camera.repeat_fraction": 0.3, "camera.latency_s": 0.0}
     with TwinRig(scenario.load("circle", repeats)) as rig:
