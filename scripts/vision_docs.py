@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ PARTS: dict[str, dict[str, Any]] = {
     },
     "circle": {"camera.mask": "circle"},
     "vignette and gain": {"camera.vignette": 0.4, "camera.gain": 2.0},
-    "motion blur of 3 pictures": {"camera.exposure_s": 0.01, "camera.sub_exposures": 3},
+    "motion blur of 3 pictures": {"camera.exposure_s": 0.04, "camera.sub_exposures": 3},
     "noise": {"camera.noise": 5.0},
     "JPEG 75": {"camera.jpeg_quality": 75},
     "tip light that falls off": {"light.falls_off": True},
@@ -215,14 +214,15 @@ def costs() -> str:
     taken: dict[str, list[float]] = {name: [] for name in PARTS}
     for _ in range(3):
         for name, overrides in PARTS.items():
-            with TwinRig(scenarios.load("rest", overrides)) as rig:
+            with TwinRig(scenarios.load("circle", overrides)) as rig:
                 rig.clock.sleep_until(0.2)
                 start = time.perf_counter()
                 rig.clock.sleep_until(1.2)
+                rig.close()  # when all pictures are developed
                 taken[name].append(time.perf_counter() - start)
-    base = median(taken["nothing but the pinhole"])
+    base = min(taken["nothing but the pinhole"])
     rows = [
-        [name, f"{1e3 * median(t) / 25:.1f}", f"{median(t) / base:.2f}"]
+        [name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"]
         for name, t in taken.items()
     ]
     return _table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
