@@ -221,10 +221,7 @@ def costs() -> str:
                 rig.close()  # when all pictures are developed
                 taken[name].append(time.perf_counter() - start)
     base = min(taken["nothing but the pinhole"])
-    rows = [
-        [name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"]
-        for name, t in taken.items()
-    ]
+    rows = [[name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"] for name, t in taken.items()]
     return _table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
 
 
