@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from endolock.control import kinematics
-from endolock.control.kinematics import SectionGeometry
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.control import kinematics, process
+from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.hw.api import Calibration, Command, ConfigError, State, Vector
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -22,7 +22,7 @@ class IKSettings:
 
     target_distance_m: float = 0.12
     """Depth of the target, whatever it really is [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = 0.97
+    bend_per_handle: float = process.BEND_PER_HANDLE
     """Bend per handle angle in the middle of the hysteresis [rad/rad], > 0. Assumed: the slope of
     the default instrument."""
     rate_per_s: float = 1.8
@@ -33,6 +33,18 @@ class IKSettings:
         for name, value in vars(self).items():
             if not 0 < value < float("inf"):
                 raise ConfigError(f"ik: {name} is {value:g}; use a finite number above 0")
+
+
+@dataclass
+class IKMemory:
+    """What the law remembers."""
+
+    handles: Pair = (0.0, 0.0)
+    """Where it wants the handles now [rad]."""
+    aim: Pair = (0.0, 0.0)
+    """Where they shall go [rad]."""
+    t: float | None = None
+    """Of the last tick [s]."""
 
 
 class InverseKinematics:
@@ -53,36 +65,46 @@ class InverseKinematics:
         self._calibration = calibration
         self._settings = settings or IKSettings()
         self._geometry = geometry or SectionGeometry()
-        self._handles = self._aim = (0.0, 0.0)
-        self._t: float | None = None
+        self.memory = IKMemory()
 
     def reset(self, state: State) -> None:
         """Stay where the handles are."""
-        self._handles = self._aim = (state.position[0], state.position[1])
-        self._t = None
+        handles = state.position[0], state.position[1]
+        self.memory = IKMemory(handles=handles, aim=handles)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Aim anew with each frame, and follow; without a target, stay. See `Controller.update`."""
+        memory, settings = self.memory, self._settings
         if observation is not None:
+            memory.aim = memory.handles
             if observation.status is Status.TRACKING:
-                self._aim = self._aimed(state, observation.target_px)
-            else:
-                self._aim = self._handles
-        dt = 0.0 if self._t is None else t - self._t
-        self._t = t
-        share = min(1.0, self._settings.rate_per_s * dt)
-        (up_down, left_right), (aim_up, aim_right) = self._handles, self._aim
-        self._handles = (
+                ray = camera_model.ray(self._calibration, observation.target_px)
+                memory.aim = aimed(
+                    self._geometry,
+                    settings.bend_per_handle,
+                    (state.position[0], state.position[1]),
+                    settings.target_distance_m * ray,
+                )
+        dt = 0.0 if memory.t is None else t - memory.t
+        memory.t = t
+        share = min(1.0, settings.rate_per_s * dt)
+        (up_down, left_right), (aim_up, aim_right) = memory.handles, memory.aim
+        memory.handles = (
             up_down + share * (aim_up - up_down),
             left_right + share * (aim_right - left_right),
         )
-        return Command(position=self._handles)
+        return Command(position=memory.handles)
 
-    def _aimed(self, state: State, pixel: tuple[float, float]) -> tuple[float, float]:
-        gain = self._settings.bend_per_handle
-        bend = (gain * state.position[0], gain * state.position[1])
-        position, rotation = kinematics.forward(self._geometry, bend)
-        ray = camera_model.ray(self._calibration, pixel)
-        target = position + rotation @ (self._settings.target_distance_m * ray)
-        up_down, left_right = kinematics.aim(self._geometry, target)
-        return up_down / gain, left_right / gain
+
+def aimed(geometry: SectionGeometry, slope: float, handles: Pair, seen: Vector) -> Pair:
+    """Handle angles that point the axis at what is seen with the handles at some angles [rad].
+
+    Args:
+        geometry: lengths of the section.
+        slope: bend per handle angle [rad/rad].
+        handles: when it was seen [rad].
+        seen: the target in camera axes [m].
+    """
+    position, rotation = kinematics.forward(geometry, (slope * handles[0], slope * handles[1]))
+    up_down, left_right = kinematics.aim(geometry, position + rotation @ seen)
+    return up_down / slope, left_right / slope

@@ -16,8 +16,11 @@ from math import cos, hypot, sin
 
 import numpy as np
 
-from endolock.hw.api import ConfigError, Vector
+from endolock.hw.api import Calibration, ConfigError, Vector
+from endolock.vision import camera_model
 
+Pair = tuple[float, float]
+"""One number for each axis, (up_down, left_right)."""
 LARGEST_BEND_RAD = 2.6
 """Targets beyond are aimed at with this bend [rad]; 150 deg. Assumed."""
 
@@ -30,6 +33,9 @@ class SectionGeometry:
     """Along the backbone [m], > 0. Assumed, as the default instrument's."""
     rigid_tip_m: float = 0.015
     """End of the bending part to the camera [m], >= 0. Assumed."""
+    misalignment_rad: float = 0.0
+    """Turn of the picture against the wires, about the optical axis [rad]; positive takes the
+    camera's right towards its down. Assumed: none."""
 
     def __post_init__(self) -> None:
         if not (self.bending_length_m > 0 and self.rigid_tip_m >= 0):
@@ -39,7 +45,7 @@ class SectionGeometry:
             )
 
 
-def forward(geometry: SectionGeometry, bend: tuple[float, float]) -> tuple[Vector, Vector]:
+def forward(geometry: SectionGeometry, bend: Pair) -> tuple[Vector, Vector]:
     """Pose of the tip camera.
 
     Args:
@@ -59,11 +65,61 @@ def forward(geometry: SectionGeometry, bend: tuple[float, float]) -> tuple[Vecto
     ahead = length * sinc + tip * cos(t) - length - tip
     position = np.array([sideways * left_right, -sideways * up_down, ahead])
     # Rodrigues' formula: R = 1 + sinc K + half K^2, K the cross product with the rotation vector
-    cross = np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
-    return position, np.eye(3) + sinc * cross + half * (cross @ cross)
+    cross = _cross(up_down, left_right)
+    rotation = _SAME + sinc * cross + half * (cross @ cross)
+    if turn := geometry.misalignment_rad:
+        c, s = cos(turn), sin(turn)
+        rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return position, rotation
 
 
-def aim(geometry: SectionGeometry, target: Vector) -> tuple[float, float]:
+def image_jacobian(
+    geometry: SectionGeometry, calibration: Calibration, bend: Pair, target: Vector
+) -> Vector:
+    """Derivative of the target's pixel with respect to the bend, 2x2 [px/rad].
+
+    A point p = R' (X - x) in camera axes moves by dp = -R' (dx + w x (X - x)) with the camera's
+    place x and its turn w = J dbend, J the left Jacobian of the rotation vector.
+
+    Args:
+        geometry: lengths of the section.
+        calibration: the camera.
+        bend: (up_down, left_right) [rad].
+        target: position in base axes [m], ahead of the camera.
+    """
+    up_down, left_right = bend
+    t = hypot(up_down, left_right)
+    length, tip = geometry.bending_length_m, geometry.rigid_tip_m
+    position, rotation = forward(geometry, bend)
+    if t > 1e-4:
+        sinc, half = sin(t) / t, 2 * (sin(t / 2) / t) ** 2
+        dsinc, dhalf, cubic = (cos(t) - sinc) / t**2, (sinc - 2 * half) / t**2, (1 - sinc) / t**2
+    else:  # to t^2
+        sinc, half, dsinc, dhalf, cubic = 1.0, 0.5, -1 / 3, -1 / 12, 1 / 6
+    # With s the sideways factor of `forward`: d(s b)/db_i = s e_i + b (ds/dt / t) b_i.
+    sideways, slope = length * half + tip * sinc, length * dhalf + tip * dsinc
+    ahead = length * dsinc - tip * sinc
+    turned = np.array([left_right, -up_down])
+    moved = np.array([[0.0, sideways], [-sideways, 0.0], [ahead * up_down, ahead * left_right]])
+    moved[:2] += slope * np.outer(turned, bend)
+    cross = _cross(up_down, left_right)
+    turns = (np.eye(3) + half * cross + cubic * (cross @ cross))[:, :2]
+    apart = target - position
+    dp = -rotation.T @ (moved + np.cross(turns.T, apart).T)
+    point = (rotation.T @ apart)[None]
+    jacobian: Vector = camera_model.jacobian(calibration, point)[0] @ dp
+    return jacobian
+
+
+_SAME = np.eye(3)
+
+
+def _cross(up_down: float, left_right: float) -> Vector:
+    """Matrix of the cross product with a rotation vector (up_down, left_right, 0)."""
+    return np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
+
+
+def aim(geometry: SectionGeometry, target: Vector) -> Pair:
     """Bend that points the optical axis at a target.
 
     With r the target's distance from the section's axis at rest and z its distance ahead of the

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
@@ -15,7 +15,10 @@ PERIOD_S = 0.020
 
 
 class Controller(Protocol):
-    """A control law. It owns its state and knows neither a clock nor what turns the handles."""
+    """A control law. It owns its state and knows neither a clock nor what turns the handles.
+
+    It may have `signals`, a mapping of names to numbers: what it shows of its inside.
+    """
 
     def reset(self, state: State) -> None:
         """Start afresh at the present handle state; called after each enable."""
@@ -50,6 +53,8 @@ class Tick:
     """The newest pose of the tip from a tracker; None without one."""
     truth: TruthSample | None
     """The truth now; None on hardware."""
+    signals: Mapping[str, float] = field(default_factory=dict)
+    """What the law shows of its inside, by name, as of the command that was sent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +202,7 @@ def run(
                 status=status,
                 tracked=tracker.latest() if tracker else None,
                 truth=truth.now() if truth else None,
+                signals=dict(getattr(controller, "signals", ())) if command else {},
             )
             if recorder:
                 recorder.tick(tick)

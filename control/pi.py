@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from endolock.control.kinematics import Pair
 from endolock.hw.api import Calibration, Command, ConfigError, State
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
@@ -20,16 +21,30 @@ from endolock.vision.observation import Observation, Status
 class PISettings:
     """Gains of the PI law."""
 
-    kp: float = 0.18
-    """Handle angle per error [rad/rad], >= 0. Assumed: the excerpt does not give the gains; with
-    these the twin's stroke peaks stay within the picture, as the thesis' do (ch. 6)."""
+    kp: float = 0.30
+    """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, so that the stroke peaks and
+    what compensation gains come near the thesis' (ch. 6; docs/control.md); its gains are not in
+    the excerpt."""
     ki: float = 0.25
-    """Handle speed per error [1/s], >= 0. Assumed, as `kp`."""
+    """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        for name in ("kp", "ki"):
+            value = getattr(self, name)
             if not 0 <= value < float("inf"):
                 raise ConfigError(f"pi: {name} is {value:g}; use a finite number, 0 or more")
+
+
+@dataclass
+class PIMemory:
+    """What the law remembers."""
+
+    integral: Pair = (0.0, 0.0)
+    """[rad]"""
+    error: Pair = (0.0, 0.0)
+    """Of the newest frame [rad]; 0 where it did not show the target."""
+    t: float | None = None
+    """Of the last tick [s]."""
 
 
 class PI:
@@ -42,33 +57,38 @@ class PI:
 
     def __init__(self, calibration: Calibration, settings: PISettings | None = None) -> None:
         self._calibration = calibration
-        self._settings = settings or PISettings()
-        self._integral = (0.0, 0.0)
-        self._error = (0.0, 0.0)
-        self._t: float | None = None
+        self.gains = self._gains(settings or PISettings())
+        """kp [rad/rad] and ki [1/s] in force."""
+        self.memory = PIMemory()
 
     def reset(self, state: State) -> None:
         """Start from where the handles are, without an error."""
-        self._integral = (state.position[0], state.position[1])
-        self._error = (0.0, 0.0)
-        self._t = None
+        self.memory = PIMemory(integral=(state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Move the handles against the error of the newest frame; see `Controller.update`."""
+        memory = self.memory
         if observation is not None:
-            self._error = (0.0, 0.0)
-            if observation.status is Status.TRACKING:
-                right, down = camera_model.offset(self._calibration, observation.target_px)
-                focal = self._calibration.focal_px
-                self._error = (-down / focal, right / focal)
-        dt = 0.0 if self._t is None else t - self._t
-        self._t = t
-        kp, ki = self._settings.kp, self._settings.ki
+            memory.error = error(self._calibration, observation)
+        dt = 0.0 if memory.t is None else t - memory.t
+        memory.t = t
+        kp, ki = self.gains
         # An axis that was clipped (+1 from above, -1 from below) integrates only its way back.
-        self._integral = tuple(  # type: ignore[assignment]
+        up_down, left_right = (
             i if clipped * e > 0 else i + ki * e * dt
-            for i, e, clipped in zip(self._integral, self._error, state.clipped, strict=True)
+            for i, e, clipped in zip(memory.integral, memory.error, state.clipped, strict=True)
         )
-        return Command(
-            position=tuple(i + kp * e for i, e in zip(self._integral, self._error, strict=True))
-        )
+        memory.integral = up_down, left_right
+        return Command(position=(up_down + kp * memory.error[0], left_right + kp * memory.error[1]))
+
+    @staticmethod
+    def _gains(settings: PISettings) -> Pair:
+        return settings.kp, settings.ki
+
+
+def error(calibration: Calibration, observation: Observation) -> Pair:
+    """Offset of the target above and right of the centre [rad]; 0 where it is not tracked."""
+    if observation.status is not Status.TRACKING:
+        return 0.0, 0.0
+    right, down = camera_model.offset(calibration, observation.target_px)
+    return -down / calibration.focal_px, right / calibration.focal_px

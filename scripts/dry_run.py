@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from endolock.scripts import output, run
+from endolock.scripts import output, run, variation
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument, Numerics
 
@@ -38,15 +38,21 @@ def show(request: run.Request) -> int:
 
 def resolved(request: run.Request) -> dict[str, tuple[Any, str]]:
     """List every value of a run by dotted key, with its source: option, file or default."""
-    run.resolve(request)
-    used = dict(scenario.sources(request.scenario, run.overrides(request)))
+    task = run.resolve(request)
+    used = dict(scenario.sources(request.scenario, task.changes))
     found = {f"scenario.{key}": value for key, value in used.items()}
     defaults = {field.name: field.default for field in dataclasses.fields(run.Request)}
     options: Mapping[str, Any] = dataclasses.asdict(request)
     for name in ("controller", "rig", "vision", "instrument", "seed"):
         value = options[name]
         found[f"run.{name}"] = (value, "default" if value == defaults[name] else "option")
-    for part in (Instrument(), Numerics()):
-        name = type(part).__name__.lower()
-        found |= {f"{name}.{key}": (v, "default") for key, v in dataclasses.asdict(part).items()}
+    usual = dataclasses.asdict(Instrument())
+    for key, value in dataclasses.asdict(task.instrument).items():
+        found[f"instrument.{key}"] = (value, "default" if value == usual[key] else "instrument")
+    for key, value in dataclasses.asdict(Numerics()).items():
+        found[f"numerics.{key}"] = (value, "default")
+    law = dataclasses.asdict(task.settings) if task.settings else {}
+    changed = {key for entry in request.vary for key in variation.read(entry).law}
+    for key, value in law.items():
+        found[f"law.{key}"] = (value, "option" if key in changed else "default")
     return found

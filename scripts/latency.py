@@ -19,6 +19,7 @@ from endolock.control import latency, loop
 from endolock.hw.api import AXES, Command, ConfigError, Frame
 from endolock.scripts import output, rigs
 from endolock.scripts.progress import progress
+from endolock.twin import instruments
 from endolock.twin import scenario as scenarios
 from endolock.vision.ego_motion import EgoMotion
 from endolock.vision.observation import Eyes
@@ -90,12 +91,16 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         raise ConfigError(f"axis '{request.axis}' is unknown; use {' or '.join(AXES)}")
     if request.strokes < 4:
         raise ConfigError(f"strokes {request.strokes}: an interval needs 4 or more")
-    rigs.check(request.rig, "markers", request.instrument)
+    rigs.check(request.rig, "markers")
     options = {"camera.latency_s": request.latency_s, "camera.jitter_s": request.jitter_s}
     overrides = {key: value for key, value in options.items() if value is not None}
     scenario = scenarios.load(request.scenario, overrides)
     rig, eyes = rigs.make(
-        request.rig, scenario, vision="markers", instrument=request.instrument, seed=request.seed
+        request.rig,
+        scenario,
+        vision="markers",
+        instrument=instruments.load(request.instrument),
+        seed=request.seed,
     )
     axis = AXES.index(request.axis)
     duration_s = LEAD_S + request.strokes * STROKE_S + latency.LONGEST_S

@@ -60,6 +60,7 @@ TICKS = pa.schema(
         ("mode", pa.string()),
         ("device_tick", pa.int64()),
         ("status", pa.string()),
+        ("signals", pa.map_(pa.string(), pa.float64())),  # of the law's inside
         # From a tracker; null without one.
         ("tracked_t", pa.float64()),
         ("tracked_pose", _vector(7)),
@@ -183,6 +184,7 @@ class RunFolder:
             "mode": s.mode,
             "device_tick": s.device_tick,
             "status": tick.status,
+            "signals": list(tick.signals.items()),
         }
         if tick.tracked:
             row |= {"tracked_t": tick.tracked.t, "tracked_pose": _pose(tick.tracked)}

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from endolock.hw.api import ConfigError
-from endolock.twin import instruments
+from functools import lru_cache
+from itertools import pairwise
+from math import radians
+
+import numpy as np
+
+from endolock.control import hysteresis, quasi_static
+from endolock.control.hysteresis import Plays
+from endolock.control.quasi_static import Geometry
+from endolock.hw.api import ConfigError, Vector
+from endolock.scripts.checks import cable_of
 from endolock.twin.instrument import NUMERICS, Instrument
 from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario
+from endolock.twin.surrogate import SurrogateRig
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Eyes
 from endolock.vision.track import Selection, TrackEyes
 from endolock.vision.truth import TruthEyes
 
-RIGS = ("twin",)
+RIGS = ("twin", "surrogate")
 VISIONS = ("markers", "track", "truth")
+RADII = tuple(float(r) for r in np.linspace(0.0, 0.6, 25))
+"""Half-widths of plays that are fitted to an instrument [rad]."""
 
 
 def make(
@@ -21,35 +33,40 @@ def make(
     scenario: Scenario,
     *,
     vision: str,
-    instrument: str,
+    instrument: Instrument,
     numerics: str = "default",
     seed: int,
     overview: bool = False,
     select: Selection | None = None,
-) -> tuple[TwinRig, Eyes]:
+) -> tuple[TwinRig | SurrogateRig, Eyes]:
     """Make a rig, with its first picture taken, and what looks at its frames.
 
     Args:
         rig: kind of rig, one of `RIGS`.
         scenario: what happens in front of it.
         vision: kind of eyes, one of `VISIONS`; truth takes no pictures.
-        instrument: name of the endoscope, or its TOML file.
+        instrument: what the endoscope is made of.
         numerics: how finely it is simulated, one of `NUMERICS`.
         seed: of every random number.
         overview: whether a fixed camera takes pictures too.
         select: rectangle of the first picture to follow, with track only.
 
     Raises:
-        ConfigError: one of the names is unknown, pictures cannot be rendered here, or the selection
-            is not on the board in the picture.
+        ConfigError: one of the names is unknown or does not fit the others, pictures cannot be
+            rendered here, or the selection is not on the board in the picture.
     """
-    made_of = check(rig, vision, instrument, numerics)
+    check(rig, vision, numerics)
     if select and vision != "track":
         raise ConfigError(f"--select goes with --vision track, not with {vision}")
+    if rig == "surrogate":
+        plays = plays_of(instrument, scenario.shaft_bend_deg)
+        model = SurrogateRig(scenario, plays=plays, instrument=instrument, seed=seed)
+        model.clock.sleep_until(0.0)
+        return model, TruthEyes(model.truth)
     pictures = vision != "truth"
     twin = TwinRig(
         scenario,
-        instrument=made_of,
+        instrument=instrument,
         numerics=NUMERICS[numerics],
         seed=seed,
         pictures=pictures,
@@ -68,11 +85,11 @@ def make(
     return twin, eyes
 
 
-def check(rig: str, vision: str, instrument: str, numerics: str = "default") -> Instrument:
-    """See that all names are known, and read the instrument.
+def check(rig: str, vision: str, numerics: str = "default") -> None:
+    """See that all names are known and fit each other.
 
     Raises:
-        ConfigError: one is not, or the instrument's file is not good.
+        ConfigError: they do not.
     """
     for what, name, known in (
         ("rig", rig, RIGS),
@@ -82,4 +99,38 @@ def check(rig: str, vision: str, instrument: str, numerics: str = "default") -> 
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
             raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
-    return instruments.load(instrument)
+    if rig == "surrogate" and vision != "truth":
+        raise ConfigError(f"the surrogate takes no pictures for {vision}; use --vision truth")
+
+
+@lru_cache(maxsize=64)
+def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] = RADII) -> Plays:
+    """Fit plays to one axis of an instrument, as the quasi-static solver has it.
+
+    Args:
+        instrument: what the endoscope is made of.
+        shaft_deg: bend of its shaft [deg].
+        radii: half-widths to be weighted [rad].
+    """
+    handle = exercise()
+    still = np.zeros(len(handle))
+    cable = cable_of(instrument, radians(shaft_deg))
+    geometry = Geometry(
+        bending_length_m=instrument.bending_length_m,
+        wire_radius_m=instrument.wire_radius_m,
+        pulley_radius_m=instrument.pulley_radius_m,
+    )
+    bend, _ = quasi_static.simulate(cable, geometry, handle, still, still)
+    return hysteresis.fit(handle, bend, radii)[0]
+
+
+def exercise(largest_rad: float = 1.4, step_rad: float = 0.02) -> Vector:
+    """Handle angles that go to and fro in strokes of all sizes, from rest [rad]."""
+    turns = [0.0]
+    for share in (1.0, 0.6, 0.3, 0.1):
+        turns += [share * largest_rad, -share * largest_rad, share * largest_rad, 0.0]
+    parts = [
+        np.linspace(a, b, max(2, round(abs(b - a) / step_rad)), endpoint=False)
+        for a, b in pairwise(turns)
+    ]
+    return np.concatenate(parts)

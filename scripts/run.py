@@ -6,7 +6,7 @@ import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import tyro
 from rich import box
@@ -15,10 +15,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from endolock.control import laws, loop, metrics
+from endolock.control.kinematics import SectionGeometry
+from endolock.control.process import HOLD_S, Process, image_gain
 from endolock.hw.api import ConfigError
-from endolock.scripts import output, recorder, rigs
+from endolock.scripts import output, recorder, rigs, variation
 from endolock.scripts.progress import progress
-from endolock.twin import scenario as scenarios
+from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 from endolock.vision.track import Selection
 
@@ -34,9 +36,10 @@ class Request:
     """straight, circle, triangle, random, close, jump, roll, push, breathing, shaft_loop,
     occlusion, endoscope, rest, or a TOML file of the same form."""
     controller: str = "pi"
-    """Control law: pi or ik."""
+    """Control law: pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive, oracle (knows
+    the truth: a floor), or a .py file that defines make(calibration)."""
     rig: str = "twin"
-    """What to drive: twin."""
+    """What to drive: twin, or surrogate (a fast model without physics or pictures)."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
@@ -51,6 +54,11 @@ class Request:
     """How long to run [s]; else the scenario's."""
     scored_from_s: tyro.conf.DisallowNone[float | None] = None
     """Leave what comes before out of the score [s]; else the scenario's."""
+    vary: tuple[str, ...] = ()
+    """Changes, all of them applied: KEY=VALUE with a key of the scenario file, instrument.NAME or
+    law.NAME; or disturbances by name (models/disturbances), or TOML files of that form."""
+    force: bool = False
+    """Run a law also where its gains make the loop unstable."""
     seed: int = 0
     """Of every random number; the same seed gives the same tables."""
     out: tyro.conf.DisallowNone[Path | None] = None
@@ -110,22 +118,68 @@ def selection(text: str | None) -> Selection | None:
     return left, top, width, height
 
 
-def resolve(request: Request) -> Scenario:
-    """Check a request and load its scenario; nothing is made or written.
+class Resolved(NamedTuple):
+    """What a request comes to."""
+
+    scenario: Scenario
+    instrument: Instrument
+    settings: Any
+    """Of the law; None of a law from a file."""
+    changes: dict[str, Any]
+    """What differs from the scenario's file, by dotted key."""
+
+
+def resolve(request: Request) -> Resolved:
+    """Check a request and load what it names; nothing is made or written.
 
     Raises:
         ConfigError: the request cannot be carried out.
     """
     laws.check(request.controller)
-    rigs.check(request.rig, request.vision, request.instrument)
+    rigs.check(request.rig, request.vision)
     selection(request.select)
-    scenario = scenarios.load(request.scenario, overrides(request))
+    task = variation.apply(request.scenario, request.instrument, request.vary, overrides(request))
+    scenario = task.scenario
     if scenario.scored_from_s >= scenario.duration_s:
         raise ConfigError(
             f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
             f"{scenario.duration_s:g} s; use a smaller one or a longer duration_s"
         )
-    return scenario
+    known: dict[str, Any] = {}
+    if scenario.period_s is not None:
+        known["period_s"] = scenario.period_s
+    if request.controller == "oracle":
+        known["plays"] = rigs.plays_of(task.instrument, scenario.shaft_bend_deg)
+    settings = laws.configure(request.controller, task.law, known)
+    if task.law and not request.force:
+        _check_stable(request.controller, settings, scenario)
+    return Resolved(scenario, task.instrument, settings, task.changes)
+
+
+def _check_stable(name: str, settings: Any, scenario: Scenario) -> None:
+    """See that changed gains leave a margin.
+
+    Raises:
+        ConfigError: they leave none.
+    """
+    from endolock.control import analysis  # python-control takes seconds to load
+
+    process = process_of(scenario)
+    if (response := analysis.response(settings, process)) is None:
+        return
+    margin = analysis.margins(response, process).gain
+    if margin < 1:
+        raise ConfigError(
+            f"{name} is unstable with these values: gain margin {margin:.2f}, above 1 needed, with "
+            f"{process.gain:.2f} rad of error per rad of handle and {process.dead_s:.2f} s of dead "
+            "time; use lower gains, or --force"
+        )
+
+
+def process_of(scenario: Scenario) -> Process:
+    """Return the linear picture of a task: its distance and latency."""
+    gain = image_gain(SectionGeometry(), scenario.board.distance_m)
+    return Process(gain=gain, dead_s=scenario.camera.latency_s + HOLD_S)
 
 
 def perform(
@@ -145,19 +199,20 @@ def perform(
         ConfigError: the request cannot be carried out; nothing was written.
         HardwareError: the handles stopped; the folder holds everything up to there.
     """
-    scenario = resolve(request)
+    scenario, instrument, settings, _ = resolve(request)
     rig, eyes = rigs.make(
         request.rig,
         scenario,
         vision=request.vision,
-        instrument=request.instrument,
+        instrument=instrument,
         seed=request.seed,
         overview=True,
         select=selection(request.select),
     )
     with rig:
-        controller = laws.make(request.controller, rig.camera.calibration)
-        name = f"{scenario.name}-{request.controller}"
+        controller = laws.make(request.controller, rig.camera.calibration, settings, rig.truth)
+        law = Path(request.controller).stem
+        name = f"{scenario.name}-{law}"
         path = request.out or recorder.new_path(Path("runs"), name)
         configuration = {
             "run": {k: v for k, v in _request_values(request).items() if k not in UNRECORDED},
@@ -181,7 +236,8 @@ def perform(
         ran_s = result.ticks[-1].t - result.ticks[0].t if result.ticks else 0.0
         record = {
             "scenario": scenario.name,
-            "controller": request.controller,
+            "controller": law,
+            "variation": variation.label(request.vary),
             "rig": request.rig,
             "instrument": request.instrument,
             "vision": request.vision,

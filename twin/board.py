@@ -99,6 +99,11 @@ def prints() -> dict[str, Print]:
     }
 
 
+def aimed(kind: str, number: int) -> BoardGeometry:
+    """Return the geometry of a board by name, with one of its patches as the target."""
+    return prints()[kind].aimed_at(number)
+
+
 def picture(board: Print, side_m: float, texels_per_mm: int) -> Image:
     """Draw the middle of a board as it is printed, RGB.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, sin
 from typing import NamedTuple
 
 import mujoco
@@ -53,10 +53,8 @@ class TwinPlant:
     ) -> None:
         self.instrument = instrument
         self.course = Course(scenario, seed)
-        axis = radians(scenario.board.tilt_axis_deg)
-        half = radians(scenario.board.tilt_deg) / 2
-        self._tilt = cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
-        self.base_from_board = _matrix(self._tilt)
+        self._tilt = scenario.board.quaternion
+        self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
         self._distance_m = scenario.board.distance_m
         spec = stage.build(scenario, instrument, numerics)
         if scenario.gravity:
@@ -210,12 +208,6 @@ class TwinPlant:
         camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
         points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
         return points
-
-
-def _matrix(quaternion: tuple[float, ...]) -> Vector:
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion))
-    return matrix.reshape(3, 3)
 
 
 def _in_camera_axes(body: Vector) -> Vector:

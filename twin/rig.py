@@ -89,8 +89,7 @@ class TwinRig:
         if seed < 0:
             raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
         self.scenario = load(scenario)
-        printed = boards.prints()[self.scenario.board.kind]
-        self.board = printed.aimed_at(self.scenario.board.target)
+        self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)

@@ -7,7 +7,7 @@ where at a time is told by `course.Course`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import pi, sin
+from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -38,6 +38,12 @@ class Board(Section):
     """Turn of the board about an axis in its plane through its centre [deg]."""
     tilt_axis_deg: float = 0.0
     """That axis in the picture: 0 right, 90 up [deg]."""
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """Orientation of the board, base_from_board, scalar first."""
+        axis, half = radians(self.tilt_axis_deg), radians(self.tilt_deg) / 2
+        return cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
 
     @model_validator(mode="after")
     def _target_is_there(self) -> Self:
@@ -204,6 +210,12 @@ class Scenario(Section):
     camera: Camera = Camera()
     tracker: Tracker | None = None
     """Of the tip's pose; none without this section."""
+
+    @property
+    def period_s(self) -> float | None:
+        """Longest period of the board's motions [s]; None where nothing repeats."""
+        periods = [getattr(motion, "period_s", 0.0) for motion in self.motion]
+        return max(periods, default=0.0) or None
 
     @model_validator(mode="after")
     def _board_is_behind(self) -> Self:

@@ -54,7 +54,7 @@ class Studio:
     def __init__(self, scenario: Scenario, seed: int = 0) -> None:
         board = scenario.board
         self._plates = scenario.occluder
-        self.board = boards.prints()[board.kind].aimed_at(board.target)
+        self.board = boards.aimed(board.kind, board.target)
         self.calibration = optics.calibration(scenario.camera)
         self._shot = optics.shot(scenario.camera)
         self._optics = optics.Optics(scenario.camera, seed)

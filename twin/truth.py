@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from math import degrees, pi
+from typing import Any, Protocol
 
 import numpy as np
 
-from endolock.hw.api import BoardGeometry, Calibration, TruthSample
-from endolock.twin.plant import Snapshot, TwinPlant
+from endolock.hw.api import BoardGeometry, Calibration, Plant, TruthSample, Vector
 from endolock.vision import camera_model
+
+
+class Source(Protocol):
+    """A plant that keeps raw copies of its moments, and works them out when asked."""
+
+    base_from_board: Vector
+    """Orientation of the board, 3x3."""
+
+    def snapshot(self) -> Any:
+        """Copy what the truth about this moment follows from."""
+
+    def explain(self, moment: Any) -> tuple[Plant, Vector]:
+        """Work a copy out: state of the plant, and the tip camera's orientation, 3x3."""
 
 
 class TwinTruth:
@@ -22,13 +35,13 @@ class TwinTruth:
     """
 
     def __init__(
-        self, plant: TwinPlant, calibration: Calibration, board: BoardGeometry, remember: int
+        self, plant: Source, calibration: Calibration, board: BoardGeometry, remember: int
     ) -> None:
         self._plant, self._calibration = plant, calibration
         self.target = (*board.target, 0.0)
         """The point on the board that is the target [m]."""
         self._remember = remember
-        self._exposures: dict[int, Snapshot | TruthSample] = {}
+        self._exposures: dict[int, Any] = {}
 
     def now(self) -> TruthSample:
         """Return the truth at the clock's present time."""
@@ -45,11 +58,11 @@ class TwinTruth:
             known = f"{min(self._exposures)}..{max(self._exposures)}" if self._exposures else "none"
             raise LookupError(f"no truth for frame {seq}; remembered are {known}")
         moment = self._exposures[seq]
-        if isinstance(moment, Snapshot):
+        if not isinstance(moment, TruthSample):
             moment = self._exposures[seq] = self._explain(moment)
         return moment
 
-    def _explain(self, moment: Snapshot) -> TruthSample:
+    def _explain(self, moment: Any) -> TruthSample:
         plant, rotation = self._plant.explain(moment)
         target = np.add(moment.board, self._plant.base_from_board @ self.target)
         point = (target - plant.tip.position) @ rotation

@@ -11,6 +11,7 @@ from endolock.control.pi import PI
 from endolock.hw.api import ConfigError, Frame
 from endolock.scripts import rigs
 from endolock.twin import scenario
+from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
 from endolock.vision.observation import COAST_FRAMES, Status
 from endolock.vision.track import TrackEyes
@@ -41,7 +42,7 @@ def test_a_selection_becomes_the_target_of_truth_and_markers() -> None:
     loaded = scenario.load("straight", {"camera.latency_s": 0.0})
     select = (340, 200, 41, 41)  # a part of the board off its centre
     rig, eyes = rigs.make(
-        "twin", loaded, vision="track", instrument="pretensioned", seed=0, select=select
+        "twin", loaded, vision="track", instrument=Instrument(), seed=0, select=select
     )
     with rig:
         errors, apart = [], []
@@ -75,7 +76,7 @@ def test_a_selection_that_cannot_be_followed_is_refused(
             "twin",
             scenario.load("straight"),
             vision="track",
-            instrument="pretensioned",
+            instrument=Instrument(),
             seed=0,
             select=select,
         )

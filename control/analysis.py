@@ -1,0 +1,211 @@
+"""What linear theory and describing functions say of a loop; with python-control, off line.
+
+The loop is L(s) = C(s) K exp(-L s)/(T s + 1), with the process of control/process.py and a law's
+response C from error to handle. Dead time is exact: margins are read off the frequency response.
+
+Reference:
+    K. J. Astrom and R. M. Murray, Feedback Systems, 2nd ed., ch. 10 (margins, describing
+    functions); N. Wiener's prediction problem, here by the Kalman filter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi, sqrt
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import least_squares
+
+from endolock.control.hysteresis_compensation import PIHCSettings, SimcHCSettings
+from endolock.control.ik_sync import IKSyncSettings
+from endolock.control.inverse_kinematics import IKSettings
+from endolock.control.kinematics import SectionGeometry
+from endolock.control.pi import PISettings
+from endolock.control.pi_simc import SimcSettings
+from endolock.control.process import HOLD_S, Process, image_gain, simc
+from endolock.control.smith import SmithSettings
+from endolock.hw.api import Vector
+
+OMEGA = np.geomspace(1e-2, 3e2, 6000)
+"""Angular frequencies at which loops are looked at [rad/s]: 10 min to 20 ms."""
+PADE = 8
+"""Order of the dead time where a rational one is needed."""
+PADE_REACH = 9.0
+"""It is used up to this angular frequency times the dead time: 1 deg off there."""
+
+Complex = NDArray[np.complex128]
+Response = Callable[[Complex], Complex]
+"""Law's handle angle per error, complex, at s = j omega."""
+
+
+class Margins(NamedTuple):
+    """How far a loop is from ringing for ever."""
+
+    gain: float
+    """Factor on the gain that it stands [1]; below 1 it is unstable already."""
+    phase_deg: float
+    """Least turn that takes the loop through -1 where its gain is 1 [deg]."""
+    dead_s: float
+    """More dead time that it stands [s]."""
+
+
+def response(settings: Any, process: Process) -> Response | None:
+    """Return the linear part of a law; None where it has none, as of the oracle.
+
+    Args:
+        settings: of the law.
+        process: what the law is used on; its dead time is the age of frames and the hold.
+    """
+    geometry = SectionGeometry()
+
+    def gain(made: Any) -> float:
+        return image_gain(geometry, made.target_distance_m, made.bend_per_handle)
+
+    age_s = process.dead_s - HOLD_S
+    match settings:
+        case PISettings() | PIHCSettings():
+            kp, ki = settings.kp, settings.ki
+            return lambda s: kp + ki / s
+        case SimcSettings() | SimcHCSettings():
+            kp, ki = simc(Process(gain=gain(settings), dead_s=process.dead_s))
+            return lambda s: kp + ki / s
+        case IKSettings():
+            ki = settings.rate_per_s / gain(settings)
+            return lambda s: ki / s
+        case IKSyncSettings():
+            # aim = h(t - L) + e/K, and h follows it with a lag
+            k, settle = gain(settings), settings.settle_s
+            return lambda s: 1 / k / (1 + settle * s - np.exp(-age_s * s))
+        case SmithSettings():
+            k, tc = gain(settings), settings.closed_loop_s
+            return lambda s: 1 / k / (tc * s + 1 - np.exp(-age_s * s))
+    return None
+
+
+def margins(law: Response, process: Process) -> Margins:
+    """Work out the margins of a loop.
+
+    Args:
+        law: its linear part.
+        process: what it drives.
+    """
+    s = (1j * OMEGA).astype(np.complex128)
+    loop = law(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
+    gm, pm, _, _, wgc, _ = ct.stability_margins(ct.frd(loop, OMEGA, smooth=True), returnall=True)
+    # With several crossings, the smallest counts.
+    lag = np.radians(pm % 360)
+    gain = float(np.min(gm, initial=np.inf))
+    phase = float(np.degrees(np.min(np.minimum(lag, 2 * pi - lag), initial=np.inf)))
+    dead = float(np.min(lag / wgc, initial=np.inf))
+    return Margins(gain, phase, dead)
+
+
+def identify_step(t: Vector, error: Vector, step_rad: float) -> tuple[Process, float]:
+    """Find gain, lag and dead time from the answer to a step of the handle at t = 0.
+
+    Args:
+        t: times at which errors were told, n [s].
+        error: less what it was before the step, n [rad]; it falls for a positive step.
+        step_rad: size of the step [rad].
+
+    Returns:
+        The process, and the rms misfit [rad].
+    """
+
+    def misfit(x: Vector) -> Vector:
+        gain, lag, dead = x
+        since = np.maximum(t - dead, 0.0)
+        misfit: Vector = error + gain * step_rad * -np.expm1(-since / max(lag, 1e-4))
+        return misfit
+
+    gain = -float(error[-1]) / step_rad
+    moved = np.abs(error) > 0.5 * abs(float(error[-1]))
+    start = [max(gain, 1e-3), 0.03, max(float(t[int(moved.argmax())]) - 0.02, 0.01)]
+    best = least_squares(
+        misfit, start, bounds=([1e-6, 1e-4, 1e-3], [1e3, 5.0, 10.0]), x_scale=start
+    )
+    gain, lag, dead = (float(x) for x in best.x)
+    return Process(gain=gain, lag_s=lag, dead_s=dead), float(np.sqrt(np.mean(best.fun**2)))
+
+
+class LimitCycle(NamedTuple):
+    """A predicted oscillation."""
+
+    amplitude_rad: float
+    """Of the law's output [rad]."""
+    omega_rad_s: float
+
+
+class OverCompensation(ct.DescribingFunctionNonlinearity):  # type: ignore[misc]  # untyped
+    """Play of half-width r behind a compensation of half-width c > r, which jumps at each turn.
+
+    What is left is v + (c - r) sign(v'), so N(A) = 1 + 4j (c - r)/(pi A).
+
+    Args:
+        excess_rad: c - r [rad].
+    """
+
+    def __init__(self, excess_rad: float) -> None:
+        super().__init__()
+        self._excess = excess_rad
+
+    def describing_function(self, amplitude: float) -> complex:
+        """Return N(A)."""
+        return 1 + 4j * self._excess / (pi * amplitude)
+
+
+def limit_cycles(
+    law: ct.TransferFunction, process: Process, nonlinearity: Any, amplitudes: Vector
+) -> list[LimitCycle]:
+    """Predict oscillations where L(jw) = -1/N(A).
+
+    Args:
+        law: its linear part, as a transfer function.
+        process: what it drives.
+        nonlinearity: one of python-control's, or `OverCompensation`.
+        amplitudes: at which it is looked at, rising [rad].
+    """
+    top, bottom = ct.pade(process.dead_s, PADE)
+    plant = ct.tf([process.gain], [process.lag_s, 1]) * ct.tf(top, bottom)
+    omega = OMEGA[OMEGA * process.dead_s < PADE_REACH]
+    found = ct.describing_function_response(
+        law * plant, nonlinearity, amplitudes, omega, warn_nyquist=False
+    )
+    return [LimitCycle(float(a), float(w)) for a, w in found.intersections]
+
+
+def wiener_floor(
+    speed_rms: float, cutoff_hz: float, horizon_s: float, noise: float, frame_s: float = 0.04
+) -> float:
+    """Least rms error of any prediction of a random target, in the units of the speed.
+
+    The target is white noise through x'' + 2 z w x' + w^2 x with z = 1/sqrt(2), seen with noise;
+    the Kalman filter tells it best, and prediction over the horizon loses what comes meanwhile.
+
+    Args:
+        speed_rms: rms speed along one axis.
+        cutoff_hz: of the low-pass [Hz].
+        horizon_s: from exposure to where a command acts [s].
+        noise: standard deviation of each observation, in units of place.
+        frame_s: time between observations [s].
+    """
+    w = 2 * pi * cutoff_hz
+    a = np.array([[0.0, 1.0], [-(w**2), -sqrt(2) * w]])
+    stationary = np.diag([(speed_rms / w) ** 2, speed_rms**2])
+
+    def step(dt: float) -> tuple[Vector, Vector]:
+        phi = expm(a * dt)
+        return phi, stationary - phi @ stationary @ phi.T
+
+    phi, driven = step(frame_s)
+    seen = np.array([[1.0, 0.0]])
+    # dlqe wants E Q E'; what is returned as P is the covariance before each observation.
+    _, before, _ = ct.dlqe(phi, np.eye(2), seen, driven, np.array([[max(noise, 1e-9) ** 2]]))
+    gain = before @ seen.T / (seen @ before @ seen.T + noise**2)
+    after = before - gain @ seen @ before
+    ahead, later = step(horizon_s)
+    return float(sqrt((ahead @ after @ ahead.T + later)[0, 0]))

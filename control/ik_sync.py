@@ -1,0 +1,103 @@
+"""Inverse kinematics with time stamps: each frame is related to the handles at its exposure.
+
+Where `ik` mixes the handles of now with the pixel of an old frame, this law looks up where the
+handles were when the frame was exposed, and takes the target's distance from the markers. What is
+left of the latency is that the target moved meanwhile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+
+from endolock.control import process
+from endolock.control.inverse_kinematics import aimed
+from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.control.past import Past
+from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.vision import camera_model
+from endolock.vision.observation import Observation, Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class IKSyncSettings:
+    """What the law believes."""
+
+    target_distance_m: float = 0.12
+    """Depth of the target until markers tell it [m], > 0. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: float = process.BEND_PER_HANDLE
+    """Bend per handle angle [rad/rad], > 0. Assumed: the slope of the default instrument."""
+    settle_s: float = 0.1
+    """Time constant with which the handles go to their aim [s], > 0. Assumed: pixel noise is
+    averaged over two frames, and the loop keeps a gain margin."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < float("inf"):
+                raise ConfigError(f"ik_sync: {name} is {value:g}; use a finite number above 0")
+
+
+@dataclass
+class IKSyncMemory:
+    """What the law remembers."""
+
+    handles: Pair = (0.0, 0.0)
+    """Where it wants the handles now [rad]."""
+    aim: Pair = (0.0, 0.0)
+    """Where they shall go [rad]."""
+    distance_m: float | None = None
+    """Depth of the target, as last told by markers [m]."""
+    t: float | None = None
+    """Of the last tick [s]."""
+    past: Past = field(default_factory=Past)
+    """Where the handles were."""
+
+
+class SynchronousIK:
+    """Aims at where the target was when it was seen.
+
+    Args:
+        calibration: turns pixels into rays.
+        settings: what the law believes; the defaults if None.
+        geometry: lengths of the section; the defaults if None.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: IKSyncSettings | None = None,
+        geometry: SectionGeometry | None = None,
+    ) -> None:
+        self._calibration = calibration
+        self._settings = settings or IKSyncSettings()
+        self._geometry = geometry or SectionGeometry()
+        self.memory = IKSyncMemory()
+
+    def reset(self, state: State) -> None:
+        """Stay where the handles are."""
+        handles = state.position[0], state.position[1]
+        self.memory = IKSyncMemory(handles=handles, aim=handles)
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Aim anew with each frame that shows the target; else keep the aim.
+
+        See `Controller.update`.
+        """
+        memory, settings = self.memory, self._settings
+        memory.past.add(state)
+        if observation is not None and observation.status is Status.TRACKING:
+            if isfinite(observation.distance_m):
+                memory.distance_m = observation.distance_m
+            ray = camera_model.ray(self._calibration, observation.target_px)
+            depth = memory.distance_m or settings.target_distance_m
+            then = memory.past.at(observation.t_capture)
+            memory.aim = aimed(self._geometry, settings.bend_per_handle, then, depth * ray)
+        dt = 0.0 if memory.t is None else t - memory.t
+        memory.t = t
+        share = dt / (settings.settle_s + dt)
+        (up_down, left_right), (aim_up, aim_right) = memory.handles, memory.aim
+        memory.handles = (
+            up_down + share * (aim_up - up_down),
+            left_right + share * (aim_right - left_right),
+        )
+        return Command(position=memory.handles)

@@ -1,0 +1,152 @@
+"""What differs from a scenario, an instrument and a law: options like KEY=VALUE, and files.
+
+A variation is written KEY=VALUE, with a key of the scenario file such as camera.jitter_s, or with
+instrument.NAME or law.NAME; or it is the name of a disturbance, or a TOML file of its form:
+
+    summary = "one line for people"
+    [scenario]          # replaces values; lists such as [[scenario.motion]] are added to
+    [instrument]        # replaces values
+    [instrument_times]  # multiplies values
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from endolock.hw.api import ConfigError
+from endolock.twin import files, instruments, scenario
+from endolock.twin.instrument import Instrument
+from endolock.twin.scenario import Scenario
+
+FOLDER = "disturbances"
+"""Where those are that come with the package, below `models`."""
+
+
+class Variation(BaseModel):
+    """Changes, by where they apply."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    summary: str = ""
+    scenario: dict[str, Any] = {}
+    instrument: dict[str, float] = {}
+    instrument_times: dict[str, float] = {}
+    law: dict[str, Any] = {}
+
+
+class Task(NamedTuple):
+    """Everything that a run needs besides names."""
+
+    scenario: Scenario
+    instrument: Instrument
+    law: dict[str, Any]
+    """What is changed of the law."""
+    changes: dict[str, Any]
+    """What is changed of the scenario, by dotted key."""
+
+
+def names() -> list[str]:
+    """Names of the disturbances that come with the package."""
+    return files.names(FOLDER)
+
+
+def read(entry: str) -> Variation:
+    """Read one KEY=VALUE, or one disturbance by name or file.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    if "=" not in entry:
+        values, name = files.read("disturbance", FOLDER, entry)
+        try:
+            return Variation.model_validate(values)
+        except ValidationError as error:
+            known = list(Variation.model_fields)
+            problem = files.first_problem(error, lambda place: [] if place else known)
+            raise ConfigError(f"disturbance {name}: {problem}") from None
+    key, _, text = entry.partition("=")
+    section, _, rest = key.partition(".")
+    value = _value(text)
+    if section in ("instrument", "law") and rest:
+        if section == "instrument" and not isinstance(value, int | float):
+            raise ConfigError(f"{entry}: {text!r} is no number; give one in SI units")
+        return Variation.model_validate({section: {rest: value}})
+    return Variation(scenario={key: value})
+
+
+def expand(entry: str) -> list[str]:
+    """Split KEY=A,B into KEY=A and KEY=B; anything else is one entry."""
+    key, is_value, text = entry.partition("=")
+    if not is_value or text.startswith(("[", "{", '"')):
+        return [entry]
+    return [f"{key}={part}" for part in text.split(",")]
+
+
+def apply(
+    source: str, instrument: str, entries: Sequence[str], options: Mapping[str, Any] | None = None
+) -> Task:
+    """Apply variations one after another.
+
+    Args:
+        source: the scenario, by name or file.
+        instrument: the same of the instrument.
+        entries: the variations, as for `read`.
+        options: further values of the scenario by dotted key; they win.
+
+    Raises:
+        ConfigError: one cannot be read or does not fit.
+    """
+    changes: dict[str, Any] = {}
+    law: dict[str, Any] = {}
+    made = instruments.load(instrument)
+    base = scenario.load(source)
+    for entry in entries:
+        one = read(entry)
+        for key, value in _flat(one.scenario).items():
+            if isinstance(value, list) and value and isinstance(value[0], dict):
+                before = changes.get(key, [part.model_dump() for part in getattr(base, key, ())])
+                value = [*before, *value]
+            changes[key] = value
+        made = _changed(made, one)
+        law |= one.law
+    changes |= options or {}
+    return Task(scenario.load(source, changes), made, law, changes)
+
+
+def _changed(made: Instrument, one: Variation) -> Instrument:
+    told = dataclasses.asdict(made)
+    for name in (*one.instrument, *one.instrument_times):
+        if name not in told:
+            near = get_close_matches(name, told, 1)
+            hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(told)}"
+            raise ConfigError(f"an instrument has no {name}; {hint}")
+    told |= one.instrument
+    return Instrument(**{k: v * one.instrument_times.get(k, 1.0) for k, v in told.items()})
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        nested = isinstance(value, Mapping)
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return flat
+
+
+def _value(text: str) -> Any:
+    """Read a TOML value; what is none is taken as text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def label(entries: Sequence[str]) -> str:
+    """Name a set of variations for tables and folders."""
+    return "+".join(Path(entry).stem if entry.endswith(".toml") else entry for entry in entries)

@@ -1,0 +1,304 @@
+"""A fast stand-in for the twin: Prandtl-Ishlinskii hysteresis and exact kinematics, no physics.
+
+Behind the same rig API, so that laws can be tried in seconds. Per axis
+
+    servo (first-order lag) -> weighted plays -> constant-curvature section -> projection,
+
+both axes alike and independent. It knows no pushes, no shaft that moves, no inertia; with one play
+it is also the kind of model that the thesis simulated: constant width, exact kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from math import ceil, cos, exp, hypot, sin
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from endolock.control import kinematics
+from endolock.control.hysteresis import Hysteresis, Plays
+from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
+from endolock.hw.guard import Guard, Reading
+from endolock.twin import board as boards
+from endolock.twin import camera, optics
+from endolock.twin.course import Course
+from endolock.twin.instrument import Instrument
+from endolock.twin.rig import load
+from endolock.twin.scenario import Scenario
+from endolock.twin.truth import TwinTruth
+
+TIMESTEP_S = 0.01
+SERVO_LAG_S = 0.025
+"""Time constant of a handle behind its goal [s]. Source: measured on the twin's servo."""
+
+
+class Moment(NamedTuple):
+    """What the truth follows from."""
+
+    t: float
+    bend: Pair
+    board: tuple[float, float, float]
+
+
+class SurrogateRig:
+    """A rig without pictures; vision must take the truth.
+
+    Args:
+        scenario: name, TOML file or loaded scenario, with a board that moves and nothing else.
+        plays: hysteresis of each axis.
+        instrument: its lengths, handles and encoders are used; the default if None.
+        seed: of every random number.
+
+    Raises:
+        ConfigError: the scenario has what a surrogate does not know.
+    """
+
+    overview = None
+    tracker = None
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "straight",
+        *,
+        plays: Plays,
+        instrument: Instrument | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.scenario = load(scenario)
+        _check(self.scenario)
+        made = instrument or Instrument()
+        self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
+        self.clock = SurrogateClock(self)
+        self.plant = SurrogatePlant(self.scenario, plays, made, seed)
+        self.actuators = Guard(SurrogateDrive(self.plant, self.clock, made))
+        video = self.scenario.camera
+        self.camera = camera.TwinCamera(
+            optics.calibration(video),
+            self.clock,
+            seed,
+            latency_s=video.latency_s,
+            jitter_s=video.jitter_s,
+            drop_fraction=video.drop_fraction,
+            repeat_fraction=video.repeat_fraction,
+        )
+        under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
+        calibration = self.camera.calibration
+        self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
+        self._frames = 0
+        self._plays = plays
+
+    def advance(self, step: int) -> None:
+        """Move up to a grid point, exposing frames on the way."""
+        plant, rate = self.plant, self.scenario.camera.frame_rate_hz
+        while True:
+            due = round(self._frames / rate / TIMESTEP_S)
+            plant.advance(min(step, due))
+            if plant.step_count < due:
+                return
+            self.truth.expose(self._frames)
+            available = self.camera.delivery(plant.t)
+            if available is not None:
+                self.camera.send(self._frames, available, None)
+            self._frames += 1
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return scenario, plays, camera and board as plain values."""
+        return {
+            "scenario": self.scenario.model_dump(),
+            "surrogate": asdict(self._plays),
+            "calibration": asdict(self.camera.calibration),
+            "board": asdict(self.board),
+        }
+
+    def close(self) -> None:
+        """Switch the handles off."""
+        self.actuators.close()
+
+    def __enter__(self) -> Self:
+        """Connect the handles."""
+        self.actuators.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+class SurrogateClock:
+    """Simulated time on a grid of `TIMESTEP_S`.
+
+    Args:
+        rig: is told to advance.
+    """
+
+    realtime = False
+    timestep_s = TIMESTEP_S
+
+    def __init__(self, rig: SurrogateRig) -> None:
+        self._rig = rig
+
+    def now(self) -> float:
+        """Time since the rig was made [s]."""
+        return self._rig.plant.t
+
+    def sleep_until(self, t: float) -> float:
+        """Advance to the first grid point at or after `t` [s] and return its time."""
+        self._rig.advance(ceil(t / TIMESTEP_S - 1e-6))
+        return self._rig.plant.t
+
+
+class SurrogatePlant:
+    """Servos, plays and section.
+
+    Args:
+        scenario: moves the board.
+        plays: hysteresis of each axis.
+        instrument: gives the lengths.
+        seed: of what is random in the scenario.
+    """
+
+    def __init__(self, scenario: Scenario, plays: Plays, instrument: Instrument, seed: int) -> None:
+        self.course = Course(scenario, seed)
+        self._tilt = scenario.board.quaternion
+        self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
+        self._distance_m = scenario.board.distance_m
+        self._geometry = SectionGeometry(
+            bending_length_m=instrument.bending_length_m,
+            rigid_tip_m=instrument.rigid_tip_m,
+            misalignment_rad=instrument.misalignment_rad,
+        )
+        self._axes = (Hysteresis(plays), Hysteresis(plays))
+        self._keep = exp(-TIMESTEP_S / SERVO_LAG_S)
+        self.goal = self.handles = self.speed = self.bend = (0.0, 0.0)
+        self.step_count = 0
+
+    @property
+    def t(self) -> float:
+        """Present time [s]."""
+        return self.step_count * TIMESTEP_S
+
+    def advance(self, step: int) -> None:
+        """Go up to a grid point; the goals stay."""
+        keep, (first, second) = self._keep, self._axes
+        while self.step_count < step:
+            (a, b), (goal_a, goal_b) = self.handles, self.goal
+            off_a, off_b = keep * (a - goal_a), keep * (b - goal_b)
+            self.handles = goal_a + off_a, goal_b + off_b
+            self.speed = -off_a / SERVO_LAG_S, -off_b / SERVO_LAG_S
+            self.bend = first.follow(self.handles[0]), second.follow(self.handles[1])
+            self.step_count += 1
+
+    def snapshot(self) -> Moment:
+        """Copy what the truth about this moment follows from."""
+        return Moment(self.t, self.bend, (*self.course.board(self.t), self._distance_m))
+
+    def explain(self, moment: Moment) -> tuple[Plant, Vector]:
+        """Work a moment out: state of the plant, and the camera's orientation."""
+        position, rotation = kinematics.forward(self._geometry, moment.bend)
+        x, y, z = position.tolist()
+        turn = _quaternion(moment.bend, self._geometry.misalignment_rad)
+        plant = Plant(
+            bend_rad=moment.bend,
+            tip=Pose(t=moment.t, position=(x, y, z), quaternion=turn),
+            board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
+            backbone=position[None],
+            tension_handle_n=NO_TENSION,
+            tension_section_n=NO_TENSION,
+        )
+        return plant, rotation
+
+
+NO_TENSION = (0.0,) * 4
+"""There are no wires here."""
+
+
+class SurrogateDrive:
+    """The handle motors as a guard sees them.
+
+    Args:
+        plant: the handles belong to it.
+        clock: stamps the readings.
+        instrument: gives range, speed and encoders.
+    """
+
+    axes: tuple[str, ...] = AXES
+
+    def __init__(
+        self, plant: SurrogatePlant, clock: SurrogateClock, instrument: Instrument
+    ) -> None:
+        self.clock = clock
+        self._plant, self._instrument = plant, instrument
+        self._zero = (0.0, 0.0)
+        self._step = instrument.encoder_step_rad
+        self._limit()
+
+    def open(self) -> None:
+        """Nothing to do: it is always there."""
+
+    def transfer(self, goal: tuple[float, ...] | None) -> Reading:
+        """Send a goal [rad], or none, and measure."""
+        plant, (zero_a, zero_b) = self._plant, self._zero
+        if goal is not None:
+            a, b = self.quantise(goal)
+            plant.goal = a + zero_a, b + zero_b
+        t = self.clock.now()
+        return Reading(
+            t=t,
+            t_err=0.0,
+            position=self.quantise((plant.handles[0] - zero_a, plant.handles[1] - zero_b)),
+            velocity=plant.speed,
+            current=(0.0, 0.0),
+            fresh=True,
+            device_tick=round(t * 1000),
+        )
+
+    def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the nearest encoder position [rad]."""
+        return tuple(round(g / self._step) * self._step for g in goal)
+
+    def torque(self, on: bool) -> None:
+        """Stay where the handles are; without torque they are held as well."""
+        self._plant.goal = self._plant.handles
+
+    def zero(self) -> None:
+        """Make the present position the zero of both axes."""
+        a, b = self.quantise(self._plant.handles)
+        self._zero = a, b
+        self._limit()
+
+    def close(self) -> None:
+        """Stay where the handles are."""
+        self.torque(False)
+
+    def _limit(self) -> None:
+        reach, speed = self._instrument.handle_range_rad, self._instrument.handle_speed_rad_s
+        self.limits = Limits(
+            position_rad=tuple((-reach - z, reach - z) for z in self._zero),
+            velocity_rad_s=(speed,) * len(self.axes),
+        )
+
+
+def _check(scenario: Scenario) -> None:
+    for what in ("shaft", "push", "occluder", "tracker"):
+        if getattr(scenario, what):
+            raise ConfigError(
+                f"scenario {scenario.name} has [{what}], which the surrogate does not know; use "
+                "--rig twin"
+            )
+
+
+def _quaternion(bend: Pair, turn_rad: float) -> tuple[float, float, float, float]:
+    """Unit quaternion, scalar first, of a bend and a turn about the camera's axis before it."""
+    t = hypot(*bend)
+    part = sin(t / 2) / t if t else 0.5
+    w, x, y = cos(t / 2), part * bend[0], part * bend[1]
+    c, s = cos(turn_rad / 2), sin(turn_rad / 2)
+    return w * c, x * c + y * s, y * c - x * s, w * s
