@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import pi
 
 import numpy as np
 
+from endolock.control.process import BEND_PER_HANDLE
 from endolock.hw.api import ConfigError, Vector
 
 
@@ -33,6 +35,10 @@ class Plays:
                 f"plays of radii {self.radii} and weights {self.weights}: give as many of each, "
                 "0 or more, not all weights 0"
             )
+
+
+ONE_PLAY = Plays(radii=(pi / 10,), weights=(BEND_PER_HANDLE,))
+"""A loop of constant width, 0.2 of 180 deg: what the thesis compensates (ch. 6)."""
 
 
 @dataclass

@@ -10,19 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import pi
 
 import numpy as np
 
 from endolock.control import kinematics, process
-from endolock.control.hysteresis import Hysteresis, Plays
+from endolock.control.hysteresis import ONE_PLAY, Hysteresis, Plays
 from endolock.control.kinematics import Pair, SectionGeometry
 from endolock.hw.api import Calibration, Command, ConfigError, State, TruthSample
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
 
-ONE_PLAY = Plays(radii=(pi / 10,), weights=(process.BEND_PER_HANDLE,))
-"""A loop 0.2 of 180 deg wide: what the thesis compensates."""
 HOLD_S = 0.030
 SPAN = 5
 """So many past places of the target carry the parabola."""

@@ -1,4 +1,4 @@
-"""`endolock compare`: every law on every scenario, seed and latency; one table, one figure."""
+"""`endolock compare`: laws on scenarios, latencies, variations and seeds; a table and a figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rich.console import Console
 
 from endolock.control import laws
 from endolock.hw.api import ConfigError
-from endolock.scripts import output, recorder, run
+from endolock.scripts import output, recorder, rigs, run, theory, variation
 
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
@@ -25,14 +25,20 @@ class Request:
 
     scenarios: tuple[str, ...] = ("straight", "circle")
     """Scenarios by name, or TOML files."""
-    controllers: tuple[str, ...] = ("pi", "ik")
-    """Control laws: pi, ik."""
+    controllers: tuple[str, ...] = ("pi", "pi_hc", "ik")
+    """Control laws, as for run."""
     seeds: int = 1
     """Repeat each run with this many seeds: 0, 1, ..."""
     latencies: tuple[float, ...] = ()
     """Exposure to delivery of a frame [s], one run each; else the scenario's."""
+    vary: tuple[str, ...] = ()
+    """Besides nominal, run each of these: KEY=VALUE or KEY=A,B with keys as for run, disturbances
+    by name, or TOML files of that form; several at once are joined by +."""
+    thesis: bool = False
+    """Draw figures 6.4 to 6.8 of the thesis again, and check what its excerpt states; of the
+    options, only vision, json and out count."""
     rig: str = "twin"
-    """What to drive: twin."""
+    """What to drive: twin, surrogate or play, as for run."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
@@ -45,23 +51,66 @@ class Request:
     out: tyro.conf.DisallowNone[Path | None] = None
     """Folder for the run folders and the figure, new or empty; else one below runs/."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write {"rows": [run records]} there as JSON; - prints it, and nothing else, on standard
-    output."""
+    """Write {"rows": [run records]}, with --thesis also "thesis": [statements], there as JSON; -
+    prints it, and nothing else, on standard output."""
 
 
 def main(request: Request) -> int:
     """Carry out `endolock compare`; return the exit code."""
     output.check_json(request.json)
     place = request.out or recorder.new_path(Path("runs"), "compare")
-    records, folders = perform(request, place)
     console = Console(stderr=request.json == "-")
+    if request.thesis:
+        return _thesis(request, place, console)
+    records, folders = perform(request, place)
     with console.status("drawing errors.png"):
         figure = draw(records, folders, place / "errors.png")
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
         console.print(run.table(records))
+        for line in (*_margins(records), *_floors(records)):
+            console.print(line, soft_wrap=True, highlight=False)
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
     return 130 if records[-1]["interrupted"] else 0
+
+
+def _thesis(request: Request, place: Path, console: Console) -> int:
+    from endolock.scripts import thesis, thesis_figures, thesis_statements
+
+    require_empty(place)
+    rigs.check("twin", request.vision)
+    records, runs = thesis.perform(place, request.vision)
+    if records[-1]["interrupted"]:
+        return 130
+    rows = thesis_statements.ask(runs)
+    with console.status("drawing figures 6.4 to 6.8"):
+        figures = thesis_figures.draw(runs, place)
+    output.write_json({"rows": records, "thesis": rows}, request.json)
+    if request.json != "-":
+        for line in thesis.lines(rows):
+            console.print(line, highlight=False)
+        for figure in figures:
+            console.print(str(figure), soft_wrap=True, highlight=False, markup=False)
+    return 0
+
+
+def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
+    told = {(r["controller"], r["scenario"], r["latency_s"]): r["margins"] for r in records}
+    return [
+        f"{law} on {scenario}, {latency:.2f} s: gain margin {m['gain']:.1f}, phase margin "
+        f"{m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
+        for (law, scenario, latency), m in told.items()
+        if m
+    ]
+
+
+def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
+    told = {(r["scenario"], r["latency_s"]): r["floor_px"] for r in records}
+    return [
+        f"{scenario}, {latency:.2f} s: no prediction comes below {floor:.1f} px rms (Wiener)"
+        for (scenario, latency), floor in told.items()
+        if floor is not None
+    ]
 
 
 def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[Path]]:
@@ -81,7 +130,7 @@ def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[P
     records: list[dict[str, Any]] = []
     for n, one in enumerate(planned, 1):
         record, _ = run.perform(one, label=f"{n}/{len(planned)}")
-        records.append(record)
+        records.append({**record, **theory.of(one)})
         if record["interrupted"]:
             break
     return records, [one.out for one in planned[: len(records)] if one.out]
@@ -100,17 +149,20 @@ def plan(request: Request, place: Path) -> list[run.Request]:
             raise ConfigError(f"no {what} given; name at least one after --{what}")
     for name in request.controllers:
         laws.check(name)
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise ConfigError(f"{place} is not an empty folder; give a new one with --out")
+    require_empty(place)
+    variations = [one for entry in request.vary for one in variation.expand(entry)]
     cases = product(
         request.scenarios,
         request.controllers,
         request.latencies or (None,),
+        ["", *variations],
         range(request.seeds),
     )
     planned: list[run.Request] = []
-    for source, law, latency_s, seed in cases:
-        parts = [Path(source).stem, law]
+    for source, law, latency_s, varied, seed in cases:
+        entries = tuple(varied.split("+")) if varied else ()
+        parts = [Path(source).stem, Path(law).stem]
+        parts += [variation.label(entries).replace("/", "_")] if varied else []
         parts += [] if latency_s is None else [f"{latency_s:g}s"]
         parts += [f"seed{seed}"] if request.seeds > 1 else []
         one = run.Request(
@@ -119,6 +171,7 @@ def plan(request: Request, place: Path) -> list[run.Request]:
             rig=request.rig,
             vision=request.vision,
             instrument=request.instrument,
+            vary=entries,
             latency_s=latency_s,
             duration_s=request.duration_s,
             scored_from_s=request.scored_from_s,
@@ -130,6 +183,16 @@ def plan(request: Request, place: Path) -> list[run.Request]:
     if len({one.out for one in planned}) < len(planned):
         raise ConfigError("two runs are the same; name every scenario, law and latency once")
     return planned
+
+
+def require_empty(place: Path) -> None:
+    """See that results can go there.
+
+    Raises:
+        ConfigError: there is something already.
+    """
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise ConfigError(f"{place} is not an empty folder; give a new one with --out")
 
 
 def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path) -> Path:

@@ -9,7 +9,7 @@ from math import radians
 import numpy as np
 
 from endolock.control import hysteresis, quasi_static
-from endolock.control.hysteresis import Plays
+from endolock.control.hysteresis import ONE_PLAY, Plays
 from endolock.control.quasi_static import Geometry
 from endolock.hw.api import ConfigError, Vector
 from endolock.scripts.checks import cable_of
@@ -22,7 +22,7 @@ from endolock.vision.observation import Eyes
 from endolock.vision.track import Selection, TrackEyes
 from endolock.vision.truth import TruthEyes
 
-RIGS = ("twin", "surrogate")
+RIGS = ("twin", "surrogate", "play")
 VISIONS = ("markers", "track", "truth")
 RADII = tuple(float(r) for r in np.linspace(0.0, 0.6, 25))
 """Half-widths of plays that are fitted to an instrument [rad]."""
@@ -58,8 +58,8 @@ def make(
     check(rig, vision, numerics)
     if select and vision != "track":
         raise ConfigError(f"--select goes with --vision track, not with {vision}")
-    if rig == "surrogate":
-        plays = plays_of(instrument, scenario.shaft_bend_deg)
+    if rig != "twin":
+        plays = plays_behind(rig, instrument, scenario.shaft_bend_deg)
         model = SurrogateRig(scenario, plays=plays, instrument=instrument, seed=seed)
         model.clock.sleep_until(0.0)
         return model, TruthEyes(model.truth)
@@ -99,8 +99,13 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
             raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
-    if rig == "surrogate" and vision != "truth":
-        raise ConfigError(f"the surrogate takes no pictures for {vision}; use --vision truth")
+    if rig != "twin" and vision != "truth":
+        raise ConfigError(f"rig {rig} takes no pictures for {vision}; use --vision truth")
+
+
+def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
+    """Return the hysteresis model that comes nearest to a rig: on a surrogate, its very own."""
+    return ONE_PLAY if rig == "play" else plays_of(instrument, shaft_deg)
 
 
 @lru_cache(maxsize=64)

@@ -39,7 +39,8 @@ class Request:
     """Control law: pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive, oracle (knows
     the truth: a floor), or a .py file that defines make(calibration)."""
     rig: str = "twin"
-    """What to drive: twin, or surrogate (a fast model without physics or pictures)."""
+    """What to drive: twin; surrogate (plays fitted to the instrument, no physics, no pictures); or
+    play (the same with one play of constant width)."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
@@ -149,7 +150,8 @@ def resolve(request: Request) -> Resolved:
     if scenario.period_s is not None:
         known["period_s"] = scenario.period_s
     if request.controller == "oracle":
-        known["plays"] = rigs.plays_of(task.instrument, scenario.shaft_bend_deg)
+        shaft_deg = scenario.shaft_bend_deg
+        known["plays"] = rigs.plays_behind(request.rig, task.instrument, shaft_deg)
     settings = laws.configure(request.controller, task.law, known)
     if task.law and not request.force:
         _check_stable(request.controller, settings, scenario)
@@ -262,9 +264,11 @@ def table(records: list[dict[str, Any]]) -> Table:
     """
     title = "target off the image centre in px: now, and (rms) as seen"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    varied = any(r.get("variation") for r in records)
     headings = (
         "scenario",
         "law",
+        *(("variation",) if varied else ()),
         "latency",
         "rms",
         "p95",
@@ -275,13 +279,14 @@ def table(records: list[dict[str, Any]]) -> Table:
         "speed",
     )
     for heading in headings:
-        left = heading in ("scenario", "law")
+        left = heading in ("scenario", "law", "variation")
         result.add_column(heading, justify="left" if left else "right", no_wrap=True)
     for r in records:
         error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
         result.add_row(
             escape(r["scenario"]),
             r["controller"],
+            *((escape(r["variation"] or "nominal"),) if varied else ()),
             f"{r['latency_s']:.2f} s",
             *(_number(error.get(key)) for key in ("rms", "p95", "max")),
             _number(seen.get("rms")),
