@@ -59,6 +59,8 @@ def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:
     _csv(folder / "figure_6.5.csv", {"b": runs["b"]}, [("straight", "pi_hc")])
 
     figure, panels = _panels(2, 2)
+    shown = [one[f"circle-{law}"].error for one in runs.values() for law in ("pi", "pi_hc")]
+    reach = 1.08 * max(float(np.abs(error).max()) for error in shown)
     for row, (axis, name) in enumerate((("left_right", "x"), ("up_down", "y"))):
         for panel, (column, traces) in zip(panels[row], runs.items(), strict=True):
             for law in ("pi", "pi_hc"):
@@ -68,7 +70,7 @@ def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:
             grey = COLOURS["compensation"]
             panel.plot(one.handle_t, angle, color=grey, lw=1, label="compensation [deg]")
             title = f"{TITLES[column]}: {name} direction ({axis})"
-            _finish(panel, title, "offset [px]", (-200, 200))
+            _finish(panel, title, "offset [px]", (-reach, reach))
     made.append(_save(figure, panels, folder / "figure_6.8.png"))
     _csv(folder / "figure_6.8.csv", runs, [("circle", law) for law in ("pi", "pi_hc")])
     return made
