@@ -392,6 +392,8 @@ class TruthSample:
     """Exact projection of the target [px], also outside the picture; NaN behind the camera."""
     in_picture: bool
     """Whether that lies within the picture."""
+    hidden: bool
+    """Whether something stands between the camera and the target."""
     distance_m: float
     """Depth of the target along the optical axis [m]."""
     error_deg: float

@@ -14,6 +14,7 @@ from endolock.control.quasi_static import Geometry
 from endolock.hw.api import ConfigError, Vector
 from endolock.scripts.checks import cable_of
 from endolock.twin.instrument import NUMERICS, Instrument
+from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario
 from endolock.twin.surrogate import SurrogateRig
@@ -62,7 +63,7 @@ def make(
         plays = plays_behind(rig, instrument, scenario.shaft_bend_deg)
         model = SurrogateRig(scenario, plays=plays, instrument=instrument, seed=seed)
         model.clock.sleep_until(0.0)
-        return model, TruthEyes(model.truth)
+        return model, exact_eyes(model, scenario, seed)
     pictures = vision != "truth"
     twin = TwinRig(
         scenario,
@@ -75,7 +76,7 @@ def make(
     twin.clock.sleep_until(0.0)
     calibration = twin.camera.calibration
     if vision == "truth":
-        return twin, TruthEyes(twin.truth)
+        return twin, exact_eyes(twin, scenario, seed)
     if vision == "markers":
         return twin, MarkerEyes(calibration, twin.board)
     eyes = TrackEyes(calibration, twin.board, select)
@@ -83,6 +84,12 @@ def make(
         left, top, width, height = select
         twin.aim((left + (width - 1) / 2, top + (height - 1) / 2))
     return twin, eyes
+
+
+def exact_eyes(rig: TwinRig | SurrogateRig, scenario: Scenario, seed: int) -> TruthEyes:
+    """Make eyes that need no pictures, with the noise that the scenario wants."""
+    noise_px = scenario.camera.truth_noise_px
+    return TruthEyes(rig.truth, noise_px, generator(seed, "vision.noise"))
 
 
 def check(rig: str, vision: str, numerics: str = "default") -> None:

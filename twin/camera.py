@@ -94,6 +94,7 @@ class TwinCamera:
         jitter_s: the latency varies evenly by +- this [s].
         drop_fraction: share of the frames that never arrive [1].
         repeat_fraction: share of the frames that arrive as a copy of the one before [1].
+        nominal_latency_s: what the camera believes of the latency [s]; the truth if None.
     """
 
     def __init__(
@@ -106,9 +107,11 @@ class TwinCamera:
         jitter_s: float = 0.0,
         drop_fraction: float = 0.0,
         repeat_fraction: float = 0.0,
+        nominal_latency_s: float | None = None,
     ) -> None:
         self._calibration, self._clock = calibration, clock
         self._latency_s, self._jitter_s, self._drop_fraction = latency_s, jitter_s, drop_fraction
+        self._nominal_s = latency_s if nominal_latency_s is None else nominal_latency_s
         self._jitter = generator(seed, "camera.jitter")
         self._drops = generator(seed, "camera.drops")
         self._repeats, self._repeat_fraction = generator(seed, "camera.repeats"), repeat_fraction
@@ -147,7 +150,7 @@ class TwinCamera:
             available, seq, image, repeated = arrived
             self._newest = Frame(
                 image=image.result() if isinstance(image, Future) else image,
-                t_capture=available - self._latency_s,
+                t_capture=available - self._nominal_s,
                 t_available=available,
                 seq=seq,
                 dropped=seq - 1 - (self._newest.seq if self._newest else -1),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import pi, radians, sin
 
+from endolock.hw.api import Vector
 from endolock.twin.motion import Offset, Random
 from endolock.twin.randomness import generator
 from endolock.twin.scenario import Scenario, Shaft
@@ -26,6 +27,7 @@ class Course:
         for n, motion in enumerate(random):
             source = f"board.random.{n}" if n else "board.random"
             self._moves.append(motion.path(generator(seed, source)).offset)
+        self._board = scenario.board
         self._bend_rad = radians(scenario.shaft_bend_deg)
         self._bends = [e for e in scenario.shaft if e.kind == "bend"]
         self._rolls = [e for e in scenario.shaft if e.kind == "roll"]
@@ -40,6 +42,11 @@ class Course:
         """Displacement of the board (right, down) [m]."""
         moves = [move(t) for move in self._moves]
         return sum((m[0] for m in moves), 0.0), sum((m[1] for m in moves), 0.0)
+
+    def depth(self, t: float) -> float:
+        """Displacement of the board away from the tip [m]."""
+        travel, period = self._board.depth_travel_m, self._board.depth_period_s
+        return travel / 2 * sin(2 * pi * t / period) if travel else 0.0
 
     def shaft_bend_rad(self, t: float) -> float:
         """Bend of the shaft, all in one plane [rad]."""
@@ -61,6 +68,20 @@ class Course:
     def occluders(self, t: float) -> tuple[Point, ...]:
         """Positions of the centres of the occluders [m]."""
         return tuple(occluder.position(t) for occluder in self._occluders)
+
+    def hides(self, t: float, eye: Point, target: Vector) -> bool:
+        """Whether an occluder stands between two points of the base frame."""
+        for occluder in self._occluders:
+            x, y, z = occluder.position(t)
+            ahead = float(target[2]) - eye[2]
+            part = (z - eye[2]) / ahead if ahead > 0 else 0.0
+            if 0 < part < 1:
+                off_x = eye[0] + part * (float(target[0]) - eye[0]) - x
+                off_y = eye[1] + part * (float(target[1]) - eye[1]) - y
+                width, height = occluder.size_m
+                if abs(off_x) <= width / 2 and abs(off_y) <= height / 2:
+                    return True
+        return False
 
 
 def _sum(changes: list[Shaft], t: float) -> float:

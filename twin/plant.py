@@ -119,7 +119,7 @@ class TwinPlant:
 
     def board_position(self) -> tuple[float, float, float]:
         """Present position of the board's centre in the base frame [m]."""
-        return (*self.course.board(self.t), self._distance_m)
+        return (*self.course.board(self.t), self._distance_m + self.course.depth(self.t))
 
     def seen_speed(self) -> float:
         """Angular speed of what moves fastest in the tip camera's picture, about [rad/s].

@@ -110,6 +110,7 @@ class TwinRig:
             jitter_s=video.jitter_s,
             drop_fraction=video.drop_fraction,
             repeat_fraction=video.repeat_fraction,
+            nominal_latency_s=video.nominal_latency_s,
         )
         self.overview: camera.TwinCamera | None = None
         if overview and pictures:

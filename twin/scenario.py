@@ -30,6 +30,10 @@ class Board(Section):
 
     distance_m: float = Field(default=0.12, gt=0.005, lt=1.5)
     """Depth ahead of the tip camera at rest [m]. Source: 12 cm, thesis ch. 6."""
+    depth_travel_m: float = Field(default=0.0, ge=0, lt=1)
+    """It moves to and fro along the axis, so far from end to end [m]."""
+    depth_period_s: float = Field(default=8.6, ge=0.01, le=1e9)
+    """That takes so long, out and back [s]. Assumed."""
     kind: Literal["rings", "tissue", "several"] = "rings"
     """What is printed in the middle; there are markers around it on each."""
     target: int = Field(default=0, ge=0, le=3)
@@ -100,12 +104,18 @@ class Camera(Section):
     latency_s: float = Field(default=0.4, ge=0, le=5)
     """Exposure to delivery [s]. Source: 0.4 s loop latency, thesis ch. 7; all of it in the video
     chain: assumed."""
+    nominal_latency_s: float | None = Field(default=None, ge=0, le=5)
+    """Latency that the camera believes in [s], and tells the exposure by; the true one if none."""
     jitter_s: float = Field(default=0.0, ge=0, le=1)
     """The latency varies evenly by +- this [s]. Assumed."""
     drop_fraction: float = Field(default=0.0, ge=0, lt=1)
     """Share of the frames that never arrive [1]. Assumed."""
     repeat_fraction: float = Field(default=0.0, ge=0, lt=1)
     """Share of the frames in place of which the one before is delivered once more [1]. Assumed."""
+
+    truth_noise_px: float = Field(default=0.0, ge=0, le=100)
+    """Standard deviation that eyes without pictures (--vision truth) add to each coordinate [px];
+    pictures have noise of their own."""
 
     @model_validator(mode="after")
     def _exposure_fits(self) -> Self:

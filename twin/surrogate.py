@@ -83,6 +83,7 @@ class SurrogateRig:
             jitter_s=video.jitter_s,
             drop_fraction=video.drop_fraction,
             repeat_fraction=video.repeat_fraction,
+            nominal_latency_s=video.nominal_latency_s,
         )
         under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
         calibration = self.camera.calibration
@@ -198,7 +199,9 @@ class SurrogatePlant:
 
     def snapshot(self) -> Moment:
         """Copy what the truth about this moment follows from."""
-        return Moment(self.t, self.bend, (*self.course.board(self.t), self._distance_m))
+        t = self.t
+        place = *self.course.board(t), self._distance_m + self.course.depth(t)
+        return Moment(t, self.bend, place)
 
     def explain(self, moment: Moment) -> tuple[Plant, Vector]:
         """Work a moment out: state of the plant, and the camera's orientation."""
@@ -287,7 +290,7 @@ class SurrogateDrive:
 
 
 def _check(scenario: Scenario) -> None:
-    for what in ("shaft", "push", "occluder", "tracker"):
+    for what in ("shaft", "push", "tracker"):
         if getattr(scenario, what):
             raise ConfigError(
                 f"scenario {scenario.name} has [{what}], which the surrogate does not know; use "

@@ -8,12 +8,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from endolock.hw.api import BoardGeometry, Calibration, Plant, TruthSample, Vector
+from endolock.twin.course import Course
 from endolock.vision import camera_model
 
 
 class Source(Protocol):
     """A plant that keeps raw copies of its moments, and works them out when asked."""
 
+    course: Course
+    """Knows what else is in the way."""
     base_from_board: Vector
     """Orientation of the board, 3x3."""
 
@@ -73,6 +76,7 @@ class TwinTruth:
             t=moment.t,
             target_px=pixel,
             in_picture=camera_model.in_picture(self._calibration, pixel),
+            hidden=self._plant.course.hides(moment.t, plant.tip.position, target),
             distance_m=float(point[2]),
             error_deg=degrees(angle),
             plant=plant,

@@ -49,6 +49,7 @@ def truth(right_px: float, down_px: float = 0.0, error_deg: float = 0.0) -> Trut
         t=0.0,
         target_px=(u + right_px, v + down_px),
         in_picture=True,
+        hidden=False,
         distance_m=0.12,
         error_deg=error_deg,
         plant=PLANT,
