@@ -178,6 +178,46 @@ def limit_cycles(
     return [LimitCycle(float(a), float(w)) for a, w in found.intersections]
 
 
+def ringing(
+    law: Response, process: Process, chain: Callable[[Vector], Vector], period_s: float = 0.02
+) -> LimitCycle | None:
+    """Predict an oscillation with a describing function that is measured, N(A, w).
+
+    For what depends on the frequency too, such as a compensation behind a low-pass: the chain is
+    driven with A sin(wt), and 1 + L(jw) N(A, w) = 0 is solved.
+
+    Args:
+        law: its linear part.
+        process: what it drives.
+        chain: from a course of the law's output to that of the bend, period by period [rad].
+        period_s: of the law [s].
+
+    Returns:
+        The oscillation; None where none is found.
+    """
+
+    def residual(x: Vector) -> Vector:
+        amplitude, omega = np.exp(x)
+        periods = max(4, round(3.0 * omega / (2 * pi)))
+        t = np.arange(0.0, 2 * pi * periods / omega, period_s)
+        bend = chain(amplitude * np.sin(omega * t))
+        last = t > 2 * pi * (periods - 2) / omega
+        waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(len(t))])[last]
+        real, imaginary, _ = np.linalg.lstsq(waves, bend[last], rcond=None)[0]
+        s = np.array([1j * omega])
+        loop = law(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
+        left = 1 + loop[0] * (real + 1j * imaginary) / amplitude
+        return np.array([left.real, left.imag])
+
+    starts = [(a, w) for a in (0.02, 0.1, 0.3, 1.0) for w in (2.0, 4.0, 6.0, 9.0)]
+    for start in starts:
+        found = least_squares(residual, np.log(start), diff_step=1e-2)
+        if np.abs(found.fun).max() < 0.02:
+            amplitude, omega = np.exp(found.x)
+            return LimitCycle(float(amplitude), float(omega))
+    return None
+
+
 def wiener_floor(
     speed_rms: float, cutoff_hz: float, horizon_s: float, noise: float, frame_s: float = 0.04
 ) -> float:
@@ -199,7 +239,8 @@ def wiener_floor(
 
     def step(dt: float) -> tuple[Vector, Vector]:
         phi = expm(a * dt)
-        return phi, stationary - phi @ stationary @ phi.T
+        driven = stationary - phi @ stationary @ phi.T
+        return phi, (driven + driven.T) / 2  # symmetric to the last bit
 
     phi, driven = step(frame_s)
     seen = np.array([[1.0, 0.0]])

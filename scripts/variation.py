@@ -110,7 +110,8 @@ def apply(
     for entry in entries:
         one = read(entry)
         for key, value in _flat(one.scenario).items():
-            if isinstance(value, list) and value and isinstance(value[0], dict):
+            added = "=" not in entry and isinstance(value, list)
+            if added and value and isinstance(value[0], dict):
                 before = changes.get(key, [part.model_dump() for part in getattr(base, key, ())])
                 value = [*before, *value]
             changes[key] = value

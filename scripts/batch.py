@@ -1,0 +1,74 @@
+"""Many runs at once, in two processes: their records, and the course of error and handles."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from endolock.hw.api import ConfigError, Vector
+from endolock.scripts import recorder, run
+
+WORKERS = 2
+
+
+class Done(NamedTuple):
+    """One run."""
+
+    record: dict[str, Any]
+    t: Vector
+    """Times of the ticks, n [s]."""
+    error: Vector
+    """True offset of the target, n x 2, right and down [px]."""
+    handle: Vector
+    """Measured handle angles, n x 2 [rad]."""
+
+    @property
+    def rms(self) -> float:
+        """Of the true error where it is scored [px]."""
+        return float(self.record["error_px"]["rms"])
+
+    @property
+    def distance(self) -> Vector:
+        """Of the target from the centre [px]."""
+        distance: Vector = np.hypot(*self.error.T)
+        return distance
+
+
+def perform(requests: Sequence[run.Request]) -> list[Done | None]:
+    """Carry out runs.
+
+    Args:
+        requests: what to run; their folders are not kept.
+
+    Returns:
+        The runs, None where a law cannot be used on a task.
+    """
+    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+        return pool.map(_one, requests, chunksize=1)
+
+
+def all_of(requests: Sequence[run.Request]) -> list[Done]:
+    """Carry out runs, all of which must be possible."""
+    done = [one for one in perform(requests) if one is not None]
+    assert len(done) == len(requests)
+    return done
+
+
+def _one(request: run.Request) -> Done | None:
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "run"
+        try:
+            record, _ = run.perform(replace(request, out=folder), show_progress=False)
+        except ConfigError:  # such as repetitive, where nothing repeats
+            return None
+        ticks = recorder.read(folder, "ticks")
+        centre = recorder.configuration(folder)["calibration"]["centre_px"]
+        columns = (ticks[name].to_pylist() for name in ("target_px", "position_rad"))
+        target, handle = (np.array(column, float) for column in columns)
+        return Done(record, np.array(ticks["t"]), target - centre, handle)
