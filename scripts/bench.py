@@ -164,7 +164,8 @@ def control() -> dict[str, float]:
         observation = eyes(frame)
         result = {}
         for name in laws.LAWS:
-            law = laws.make(name, rig.camera.calibration)
+            settings = laws.configure(name, known={"period_s": 8.6})
+            law = laws.make(name, rig.camera.calibration, settings, rig.truth)
             law.reset(state)
             result[name] = 10 * _ticks_s(law, state, observation)
     return result

@@ -25,7 +25,7 @@ class Request:
 
     scenarios: tuple[str, ...] = ("straight", "circle")
     """Scenarios by name, or TOML files."""
-    controllers: tuple[str, ...] = ("pi", "pi_hc", "ik")
+    controllers: tuple[str, ...] = ("pi", "ik")
     """Control laws, as for run."""
     seeds: int = 1
     """Repeat each run with this many seeds: 0, 1, ..."""
@@ -63,6 +63,10 @@ def main(request: Request) -> int:
     if request.thesis:
         return _thesis(request, place, console)
     records, folders = perform(request, place)
+    with console.status("working out margins and floors"):
+        planned = plan(request, None)
+        told = [theory.of(one) for one in planned[: len(records)]]
+        records = [{**record, **more} for record, more in zip(records, told, strict=True)]
     with console.status("drawing errors.png"):
         figure = draw(records, folders, place / "errors.png")
     output.write_json({"rows": records}, request.json)
@@ -130,14 +134,14 @@ def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[P
     records: list[dict[str, Any]] = []
     for n, one in enumerate(planned, 1):
         record, _ = run.perform(one, label=f"{n}/{len(planned)}")
-        records.append({**record, **theory.of(one)})
+        records.append(record)
         if record["interrupted"]:
             break
     return records, [one.out for one in planned[: len(records)] if one.out]
 
 
-def plan(request: Request, place: Path) -> list[run.Request]:
-    """List the runs, each with its folder below `place`; all are checked before the first.
+def plan(request: Request, place: Path | None) -> list[run.Request]:
+    """List the runs, each with its folder below `place`, if any; all are checked before the first.
 
     Raises:
         ConfigError: a scenario, law or number cannot be used, or the folder is not empty.
@@ -149,7 +153,8 @@ def plan(request: Request, place: Path) -> list[run.Request]:
             raise ConfigError(f"no {what} given; name at least one after --{what}")
     for name in request.controllers:
         laws.check(name)
-    require_empty(place)
+    if place:
+        require_empty(place)
     variations = [one for entry in request.vary for one in variation.expand(entry)]
     cases = product(
         request.scenarios,
@@ -176,7 +181,7 @@ def plan(request: Request, place: Path) -> list[run.Request]:
             duration_s=request.duration_s,
             scored_from_s=request.scored_from_s,
             seed=seed,
-            out=place / "-".join(parts),
+            out=(place or Path()) / "-".join(parts),
         )
         run.resolve(one)
         planned.append(one)

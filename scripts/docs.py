@@ -18,13 +18,18 @@ from rich.console import Console
 from endolock.control.identification import Log, fit
 from endolock.control.quasi_static import Geometry
 from endolock.scripts import (
+    benchmark,
     cli,
     foreign_plants,
     hysteresis,
     hysteresis_figure,
     identify,
+    questions,
     run,
     strip,
+    thesis,
+    thesis_figures,
+    thesis_statements,
     verification,
     vision_docs,
 )
@@ -43,13 +48,12 @@ HEAD = """# Results
 
 Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
 *rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
-old. The laws are our reproductions of two of the thesis', with assumed gains, on the twin; nothing
-here was measured on an endoscope.
+old. The laws are our reproductions of two of the thesis' on the twin; nothing here was measured on an
+endoscope.
 """
 WITHOUT_PICTURES = """## Every scenario, without pictures
 
-The same with `--vision truth`: what eyes that make no error would let these laws do. `occlusion`
-hides nothing from such eyes.
+The same with `--vision truth`: what eyes that make no error would let these laws do.
 """
 
 
@@ -74,6 +78,10 @@ def main(_args: list[str]) -> int:
     guide.write_text(text, encoding="utf-8")
     with console.status("measuring what docs/vision.md says"):
         vision_docs.write(ROOT / "docs", _between)
+    with console.status("running the laws again as in the thesis"):
+        answered()
+    with console.status("running the benchmark of laws, some minutes"):
+        (ROOT / "docs" / "benchmark.md").write_text(benchmark.page(), encoding="utf-8")
     with tempfile.TemporaryDirectory() as place:
         record = hysteresis.perform(hysteresis.Request(map=True, out=Path(place) / "log"))
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
@@ -163,6 +171,26 @@ def misfitted() -> str:
         known = ", ".join(n for n, p in found.params.items() if p.determined) or "nothing"
         lines.append(f"| {plant.__name__} | {cells} | {known} |")
     return "\n".join(lines) + "\n"
+
+
+def answered() -> None:
+    """Write the tables of docs/control.md, and its figures, anew."""
+    page = ROOT / "docs" / "control.md"
+    text = page.read_text(encoding="utf-8")
+    with tempfile.TemporaryDirectory() as place:
+        _, runs = thesis.perform(Path(place) / "runs", "markers")
+    folder = ROOT / "docs" / "thesis"
+    folder.mkdir(exist_ok=True)
+    for picture in thesis_figures.draw(runs, folder):
+        picture.with_suffix(".csv").unlink()  # the command writes them
+    text = _between(text, "thesis", thesis.markdown(thesis_statements.ask(runs)))
+    folder = ROOT / "docs" / "control"
+    folder.mkdir(exist_ok=True)
+    for name, question in questions.questions().items():
+        answer = question()
+        questions.save(answer, folder / f"{name}.png")
+        text = _between(text, name, answer.table)
+    page.write_text(text, encoding="utf-8")
 
 
 def schema() -> str:

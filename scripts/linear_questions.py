@@ -46,20 +46,17 @@ def process() -> Answer:
         for name, one in (("from the step", found), ("believed by the laws", believed))
     ]
     text = table(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
-    text += (
-        f"\nThe model misses the step's answer by {1e3 * misfit:.1f} mrad rms. The step has no\n"
-    )
-    text += f"hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
+    text += f"\nThe model misses the step's answer by {1e3 * misfit:.1f} mrad rms. The step has\n"
+    text += f"no hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
     rows = []
-    for name, law in laws.LAWS.items():
+    for name in laws.LAWS:
         if name in ("repetitive", "oracle"):
             continue
         response = analysis.response(laws.configure(name), loop)
         assert response is not None
         m = analysis.margins(response, loop)
         rows.append([name, f"{m.gain:.1f}", f"{m.phase_deg:.0f} deg", f"{m.dead_s:.2f} s"])
-        del law
     text += table(["law", "gain margin", "phase margin", "dead time margin"], rows)
 
     def draw(panel: Any) -> None:

@@ -168,3 +168,16 @@ def lines(rows: list[dict[str, Any]]) -> Iterator[str]:
     judged = [row for row in rows if row["basis"] == "predicted" and row["ok"] is not None]
     held = sum(row["ok"] for row in judged)
     yield f"\nof {len(judged)} predictions {held} hold"
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """Lay the statements out for docs/control.md, those that do not hold first."""
+    head = ["| | | statement | expected | got | holds | basis |", "|---|---|---|---|---|---|---|"]
+    said = {None: "not stated", True: "yes", False: "**no**"}
+    ordered = sorted(rows, key=lambda row: (row["ok"] is not False, row["ok"] is None))
+    body = [
+        f"| {r['id']} | {r['column']} | {r['statement']} | {r['expected'] or ''} | {r['got']} | "
+        f"{said[r['ok']]} | {r['basis']} |"
+        for r in ordered
+    ]
+    return "\n".join([*head, *body]) + "\n"
