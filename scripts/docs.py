@@ -48,8 +48,8 @@ HEAD = """# Results
 
 Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
 *rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
-old. The laws are our reproductions of two of the thesis' on the twin; nothing here was measured on an
-endoscope.
+old. The laws are our reproductions of two of the thesis' on the twin; nothing here was measured on
+an endoscope.
 """
 WITHOUT_PICTURES = """## Every scenario, without pictures
 
