@@ -96,7 +96,9 @@ def configure(
             raise told from None
         key = ".".join(str(part) for part in first["loc"]) or "settings"
         if first["type"] == "missing":
-            raise ConfigError(f"{name} needs law.{key}; give it with --set law.{key}=...") from None
+            raise ConfigError(
+                f"{name} needs law.{key}; give it with --vary law.{key}=..."
+            ) from None
         raise ConfigError(f"{name}: law.{key}: {first['msg']}, got {first['input']!r}") from None
 
 

@@ -9,9 +9,13 @@ from math import degrees, inf, radians
 import mujoco
 import numpy as np
 
+from endolock.hw.api import Command
+from endolock.scripts import rigs
 from endolock.scripts.checks import SHAFTS_DEG, Check, check, hinges, loop, still, turn, width
 from endolock.twin import instruments
-from endolock.twin.instrument import Numerics
+from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.rig import TwinRig
+from endolock.twin.surrogate import SurrogateRig
 
 CHECKS: list[Check] = []
 
@@ -210,3 +214,34 @@ def work_taken() -> float:
 def work_dissipated() -> float:
     """Return the least work that cycles dissipate."""
     return cycle_work()[1]
+
+
+@check(
+    CHECKS,
+    "bend of the surrogate over 40 s of random handle motion",
+    against="the twin",
+    unit="deg rms",
+    high=2.0,
+    why="plays know neither the other axis nor the bend; enough to rank laws",
+)
+def surrogate() -> float:
+    """Drive twin and surrogate alike; how far their bends are apart, rms of both axes [deg]."""
+    plays = rigs.plays_of(Instrument(), 180.0)
+    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", plays=plays))
+    random = np.random.default_rng(0)
+    t = np.arange(0.0, 40.0, 0.02)
+    goals = np.zeros((len(t), 2))
+    for _ in range(6):
+        rate, phase, size = (random.uniform(*r, 2) for r in ((0.2, 1.3), (0.0, 6.3), (0.1, 0.4)))
+        goals += size * (np.sin(rate * t[:, None] + phase) - np.sin(phase))
+    bends = []
+    for rig in pair:
+        with rig:
+            rig.actuators.enable()
+            course = []
+            for time, goal in zip(t.tolist(), goals.tolist(), strict=True):
+                rig.clock.sleep_until(time)
+                rig.actuators.exchange(Command(position=goal))
+                course.append(rig.truth.now().plant.bend_rad)
+        bends.append(np.array(course))
+    return degrees(float(np.sqrt(np.mean((bends[0] - bends[1]) ** 2))))

@@ -25,15 +25,17 @@ from rich.table import Table
 
 from endolock.control import laws, loop
 from endolock.control.loop import Controller, Seen
-from endolock.hw.api import Frame, State
-from endolock.scripts import hysteresis, identify, output, recorder, run
+from endolock.hw.api import Command, Frame, State
+from endolock.scripts import hysteresis, identify, output, recorder, rigs, run
 from endolock.twin import camera, scene
-from endolock.twin.instrument import NUMERICS, Numerics
+from endolock.twin.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.rig import TwinRig
+from endolock.twin.surrogate import SurrogateRig
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Observation
 from endolock.vision.track import HALF_PX
 from endolock.vision.tracker import Tracker
+from endolock.vision.truth import TruthEyes
 
 REPEAT = 7
 SLICE_S = 2.0
@@ -64,6 +66,7 @@ def main(request: Request) -> int:
             ("render", render),
             ("vision", vision),
             ("pipeline", pipeline),
+            ("surrogate", surrogate),
             ("control", control),
             ("log", log),
             ("protocols", protocols),
@@ -154,6 +157,27 @@ def pipeline() -> dict[str, Any]:
         "logged_rtf": _run("markers"),
         "truth_rtf": _run("truth"),
     }
+
+
+def surrogate() -> dict[str, float]:
+    """Simulated seconds a second of the surrogate: behind its rig API, and in the loop, `pi`."""
+    plays = rigs.plays_of(Instrument(), 180.0)
+
+    def driven() -> None:
+        with SurrogateRig("straight", plays=plays) as rig:
+            rig.actuators.enable()
+            for n in range(round(RUN_S / 0.020)):
+                rig.clock.sleep_until(0.020 * n)
+                rig.actuators.exchange(Command(position=(0.1, 0.001 * n)))
+                rig.camera.latest()
+
+    def locked() -> None:
+        with SurrogateRig("straight", plays=plays) as rig:
+            law = laws.make("pi", rig.camera.calibration)
+            loop.run(rig, TruthEyes(rig.truth), law, duration_s=RUN_S)
+
+    rig_s, loop_s = _times(driven, locked)
+    return {"rig_rtf": RUN_S / rig_s, "loop_rtf": RUN_S / loop_s}
 
 
 def control() -> dict[str, float]:

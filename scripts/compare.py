@@ -99,7 +99,9 @@ def _thesis(request: Request, place: Path, console: Console) -> int:
 
 
 def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
-    told = {(r["controller"], r["scenario"], r["latency_s"]): r["margins"] for r in records}
+    told: dict[tuple[Any, ...], Any] = {}  # the first of each, which is nominal
+    for r in records:
+        told.setdefault((r["controller"], r["scenario"], r["latency_s"]), r["margins"])
     return [
         f"{law} on {scenario}, {latency:.2f} s: gain margin {m['gain']:.1f}, phase margin "
         f"{m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
@@ -109,7 +111,9 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
-    told = {(r["scenario"], r["latency_s"]): r["floor_px"] for r in records}
+    told: dict[tuple[Any, ...], Any] = {}
+    for r in records:
+        told.setdefault((r["scenario"], r["latency_s"]), r["floor_px"])
     return [
         f"{scenario}, {latency:.2f} s: no prediction comes below {floor:.1f} px rms (Wiener)"
         for (scenario, latency), floor in told.items()

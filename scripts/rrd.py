@@ -43,9 +43,10 @@ def derive(folder: Path) -> Path:
     ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
     configuration = recorder.configuration(folder)
     part, path = folder / "run.rrd.part", folder / "run.rrd"
+    law_shown = any(ticks["signals"].to_pylist())
     try:
         with rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream:
-            stream.save(part, default_blueprint=_blueprint())
+            stream.save(part, default_blueprint=_blueprint(law_shown))
             _still(stream, configuration)
             centre = configuration["calibration"]["centre_px"]
             _frames(stream, frames, centre)
@@ -153,6 +154,11 @@ def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> 
         for key, name in (("target_rad", "goal"), ("position_rad", "measured")):
             angle = np.degrees([row[key][i] for row in rows])
             _scalars(stream, f"handles/{axis}/{name}", t, angle)
+    inside = [(row["t"], dict(row["signals"] or ())) for row in rows]
+    for name in dict.fromkeys(name for _, told in inside for name in told):
+        told = [(time, signals[name]) for time, signals in inside if name in signals]
+        stream.log(f"law/{name}", rr.SeriesLines(names=name.replace("_", " ")), static=True)
+        _scalars(stream, f"law/{name}", [time for time, _ in told], np.array([v for _, v in told]))
     tense = [row for row in rows if row["tension_section_n"] is not None]
     for i, wire in enumerate(WIRES):
         force = np.array([row["tension_section_n"][i] for row in tense])
@@ -171,7 +177,7 @@ def _columns(stream: rr.RecordingStream, path: str, times: list[float], columns:
     rr.send_columns(path, indexes=[index], columns=columns, recording=stream)
 
 
-def _blueprint() -> rrb.Blueprint:
+def _blueprint(law_shown: bool) -> rrb.Blueprint:
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin="tip", name="tip camera, as delivered"),
         rrb.Spatial2DView(origin="overview", name="fixed camera"),
@@ -181,7 +187,8 @@ def _blueprint() -> rrb.Blueprint:
         rrb.TimeSeriesView(origin="error", name="error [px]"),
         rrb.TimeSeriesView(origin="handles", name="handles [deg]"),
         rrb.TimeSeriesView(origin="wires", name="wire tension at the section [N]"),
-        row_shares=[3, 2, 2, 2],
+        *([rrb.TimeSeriesView(origin="law", name="inside the law")] if law_shown else []),
+        row_shares=[3, 2, 2, 2, *([2] if law_shown else [])],
     )
     return rrb.Blueprint(
         rrb.Horizontal(pictures, curves, column_shares=[2, 3]),

@@ -265,36 +265,31 @@ def table(records: list[dict[str, Any]]) -> Table:
     title = "target off the image centre in px: now, and (rms) as seen"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     varied = any(r.get("variation") for r in records)
-    headings = (
-        "scenario",
-        "law",
-        *(("variation",) if varied else ()),
-        "latency",
-        "rms",
-        "p95",
-        "max",
-        "seen",
-        "found",
-        "lost",
-        "speed",
-    )
+    rows = [_cells(record) for record in records]
+    headings = [
+        name for name in rows[0] if name not in left_out and (varied or name != "variation")
+    ]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
         result.add_column(heading, justify="left" if left else "right", no_wrap=True)
-    for r in records:
-        error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
-        result.add_row(
-            escape(r["scenario"]),
-            r["controller"],
-            *((escape(r["variation"] or "nominal"),) if varied else ()),
-            f"{r['latency_s']:.2f} s",
-            *(_number(error.get(key)) for key in ("rms", "p95", "max")),
-            _number(seen.get("rms")),
-            _percent(r["detected_fraction"]),
-            _percent(r["lost_fraction"]),
-            f"{r['real_time_factor']:.1f}x",
-        )
+    for row in rows:
+        result.add_row(*(row[heading] for heading in headings))
     return result
+
+
+def _cells(r: dict[str, Any]) -> dict[str, str]:
+    error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
+    return {
+        "scenario": escape(r["scenario"]),
+        "law": escape(r["controller"]),
+        "variation": escape(r.get("variation") or "nominal"),
+        "latency": f"{r['latency_s']:.2f} s",
+        **{key: _number(error.get(key)) for key in ("rms", "p95", "max")},
+        "seen": _number(seen.get("rms")),
+        "found": _percent(r["detected_fraction"]),
+        "lost": _percent(r["lost_fraction"]),
+        "speed": f"{r['real_time_factor']:.1f}x",
+    }
 
 
 def _percent(share: float | None) -> str:

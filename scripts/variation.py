@@ -125,7 +125,7 @@ def _changed(made: Instrument, one: Variation) -> Instrument:
     told = dataclasses.asdict(made)
     for name in (*one.instrument, *one.instrument_times):
         if name not in told:
-            near = get_close_matches(name, told, 1)
+            near = [key for key in told if name in key] or get_close_matches(name, told, 1)
             hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(told)}"
             raise ConfigError(f"an instrument has no {name}; {hint}")
     told |= one.instrument

@@ -96,7 +96,10 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
             ["run", "strait"],
             "scenario 'strait' is unknown; use breathing, circle, close, endoscope",
         ),
-        (["run", "rest", "--controller", "pd"], "controller 'pd' is unknown; use ik, pi"),
+        (
+            ["run", "rest", "--controller", "pd"],
+            "controller 'pd' is unknown; use ik, ik_sync, oracle, pi, pi_hc, pi_simc",
+        ),
         (["run", "rest", "--rig", "car"], "rig 'car' is unknown; use twin"),
         (
             ["run", "rest", "--vision", "ears"],
