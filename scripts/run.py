@@ -266,9 +266,8 @@ def table(records: list[dict[str, Any]]) -> Table:
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     varied = any(r.get("variation") for r in records)
     rows = [_cells(record) for record in records]
-    headings = [
-        name for name in rows[0] if name not in left_out and (varied or name != "variation")
-    ]
+    left_out = ("found", "speed") if varied else ("variation",)  # all would not fit 80 columns
+    headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
         result.add_column(heading, justify="left" if left else "right", no_wrap=True)

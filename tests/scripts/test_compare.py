@@ -38,7 +38,7 @@ def test_the_figure_shows_the_metric(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (["--controllers", "pi", "pid"], "controller 'pid' is unknown; use ik, pi"),
+        (["--controllers", "pi", "pid"], "controller 'pid' is unknown; use ik, ik_sync, oracle"),
         (["--scenarios", "rest", "roast"], "scenario 'roast' is unknown; use breathing"),
         (["--latencies", "0.1", "-0.1"], "camera.latency_s: should be greater than or equal to 0"),
         (["--seeds", "0"], "seeds 0; use 1 or more"),
