@@ -118,7 +118,8 @@ def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[P
     columns = np.column_stack([play(handle_rad, r) for r in radii])
     weights, _ = nnls(columns, bend_rad)
     misfit = float(np.sqrt(np.mean((columns @ weights - bend_rad) ** 2)))
-    kept = [(float(r), float(w)) for r, w in zip(radii, weights, strict=True) if w > 0]
+    least = 1e-9 * weights.sum()
+    kept = [(float(r), float(w)) for r, w in zip(radii, weights, strict=True) if w > least]
     return Plays(radii=tuple(r for r, _ in kept), weights=tuple(w for _, w in kept)), misfit
 
 

@@ -1,6 +1,7 @@
 """Constant curvature against closed forms, finite differences and the twin's own geometry."""
 
 from math import cos, pi, sin
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 
 from endolock.control import kinematics
 from endolock.control.kinematics import SectionGeometry
-from endolock.hw.api import ConfigError
+from endolock.hw.api import Calibration, ConfigError
 from endolock.twin.rig import TwinRig
+from endolock.vision import camera_model
 
 SECTION = SectionGeometry()
 BENDS = st.tuples(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
@@ -88,3 +90,41 @@ def test_the_twin_bends_nearly_with_constant_curvature(bend: tuple[float, float]
     assert truth.tip.position == pytest.approx(expected, abs=0.0031 * 0.6 + 1e-4)
     # rotations about two axes do not commute
     assert truth.bend_rad == pytest.approx(bend, abs=0.02)
+
+
+@pytest.mark.parametrize("projection", ["pinhole", "equidistant"])
+@pytest.mark.parametrize("misalignment", [0.0, 0.3])
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1e-3, 0.4, 1.2])
+def test_image_jacobian_is_the_derivative_of_the_pixel(
+    projection: Literal["pinhole", "equidistant"], misalignment: float, size: float
+) -> None:
+    camera = Calibration(
+        width=640, height=480, focal_px=262.0, centre_px=(319.5, 239.5), projection=projection
+    )
+    geometry = SectionGeometry(misalignment_rad=misalignment)
+    bend = (0.6 * size, -0.8 * size)
+    position, rotation = kinematics.forward(geometry, bend)
+    target = position + rotation @ np.array([0.03, -0.02, 0.12])
+    step = 1e-6
+
+    def pixel(up_down: float, left_right: float) -> np.ndarray:
+        place, turn = kinematics.forward(geometry, (up_down, left_right))
+        return np.array(camera_model.project(camera, turn.T @ (target - place)))
+
+    (a, b) = bend
+    slopes = [pixel(a + step, b) - pixel(a - step, b), pixel(a, b + step) - pixel(a, b - step)]
+    expected = np.array(slopes).T / (2 * step)
+    found = kinematics.image_jacobian(geometry, camera, bend, target)
+    # Differences of 1e-6 rad lose 1e-7 px/rad to rounding; up to 1e-4 rad the series is cut at t^2.
+    assert np.abs(found - expected).max() < 1e-4
+
+
+def test_misalignment_turns_the_picture_and_moves_nothing() -> None:
+    straight, turned = SectionGeometry(), SectionGeometry(misalignment_rad=0.3)
+    place, rotation = kinematics.forward(straight, (0.4, -0.2))
+    same, other = kinematics.forward(turned, (0.4, -0.2))
+    assert same == pytest.approx(place)
+    expected = rotation @ np.array(
+        [[np.cos(0.3), -np.sin(0.3), 0.0], [np.sin(0.3), np.cos(0.3), 0.0], [0.0, 0.0, 1.0]]
+    )
+    assert other == pytest.approx(expected, abs=1e-12)  # rounding

@@ -1,0 +1,112 @@
+"""The surrogate behind the rig API: its kinematics, its repetition, its likeness to the twin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from endolock.control import kinematics, loop, metrics
+from endolock.control.hysteresis import ONE_PLAY, Hysteresis, Plays
+from endolock.control.kinematics import SectionGeometry
+from endolock.control.pi import PI
+from endolock.hw.api import Command, ConfigError, Pose
+from endolock.scripts import rigs
+from endolock.twin import scenario
+from endolock.twin.instrument import Instrument
+from endolock.twin.rig import TwinRig
+from endolock.twin.surrogate import SurrogateRig
+from endolock.vision import camera_model
+from endolock.vision.truth import TruthEyes
+
+NO_PLAY = Plays(radii=(0.0,), weights=(1.0,))
+
+
+def driven(goal: tuple[float, float], seconds: float, **made: Any) -> SurrogateRig:
+    rig = SurrogateRig(**{"scenario": "circle", "plays": NO_PLAY, **made})
+    with rig:
+        rig.actuators.enable()
+        for n in range(round(seconds / 0.02)):
+            rig.clock.sleep_until(0.02 * n)
+            rig.actuators.exchange(Command(position=goal))
+    return rig
+
+
+@pytest.mark.parametrize("misalignment", [0.0, 0.3])
+def test_pose_and_pixel_are_those_of_the_kinematics(misalignment: float) -> None:
+    made = Instrument(misalignment_rad=misalignment)
+    rig = driven((0.4, -0.3), 1.0, instrument=made)
+    truth = rig.truth.now()
+    geometry = SectionGeometry(misalignment_rad=misalignment)
+    position, rotation = kinematics.forward(geometry, truth.plant.bend_rad)
+    assert truth.plant.bend_rad == pytest.approx((0.4, -0.3), abs=2e-3)  # an encoder step
+    assert truth.plant.tip.position == pytest.approx(position, abs=1e-12)
+    assert np.abs(truth.plant.tip.matrix - rotation).max() < 1e-12
+    point = rotation.T @ (np.array(truth.plant.board.position) - position)
+    assert truth.target_px == pytest.approx(
+        camera_model.project(rig.camera.calibration, point), abs=1e-9
+    )
+
+
+def test_a_handle_follows_with_the_servo_s_lag() -> None:
+    rig = SurrogateRig("rest", plays=NO_PLAY)
+    with rig:
+        rig.actuators.enable()
+        rig.actuators.exchange(Command(position=(0.02, 0.0)))
+        rig.clock.sleep_until(0.02)
+        rig.actuators.exchange(Command(position=(0.02, 0.0)))
+        start = rig.plant.handles[0]
+        goal = rig.plant.goal[0]
+        rig.clock.sleep_until(0.05)
+    assert goal - rig.plant.handles[0] == pytest.approx((goal - start) * np.exp(-0.03 / 0.025))
+
+
+@settings(max_examples=10, deadline=None)
+@given(cuts=st.lists(st.floats(0, 1), max_size=8).map(sorted))
+def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
+    def end(stops: list[float]) -> tuple[Any, ...]:
+        jitter = {"camera.jitter_s": 0.03, "camera.drop_fraction": 0.2, "camera.latency_s": 0.1}
+        rig = SurrogateRig(scenario.load("random", jitter), plays=ONE_PLAY, seed=3)
+        for stop in (*stops, 1.0):
+            rig.clock.sleep_until(stop)
+        return rig.camera.latest(), rig.truth.now().target_px, rig.plant.bend
+
+    assert end(cuts) == end([])
+
+
+@pytest.mark.parametrize("name", ["push", "roll", "shaft_loop"])
+def test_what_it_does_not_know_it_refuses(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"which the surrogate does not know; use --rig twin"):
+        SurrogateRig(name, plays=ONE_PLAY)
+
+
+@pytest.mark.parametrize("name", ["straight", "circle"])
+def test_a_law_does_on_it_about_what_it_does_on_the_twin(name: str) -> None:
+    plays = rigs.plays_of(Instrument(), 180.0)
+    rms = []
+    for rig in (TwinRig(name, pictures=False), SurrogateRig(name, plays=plays)):
+        with rig:
+            rig.clock.sleep_until(0.0)
+            camera = rig.camera.calibration
+            run = loop.run(rig, TruthEyes(rig.truth), PI(camera), duration_s=30.0)
+            rms.append(metrics.score(run, camera, 10.0)["error_px"]["rms"])
+    # It is there for ranking laws, which differ by tens of per cent.
+    assert rms[1] == pytest.approx(rms[0], rel=0.1)
+
+
+def test_plays_of_an_instrument_without_friction_have_no_width() -> None:
+    free = rigs.plays_of(Instrument(conduit_friction=0.0, section_friction=0.0), 180.0)
+    axis = Hysteresis(free)
+    up = axis.follow(1.0)
+    axis.follow(1.5)
+    assert axis.follow(1.0) == pytest.approx(up, abs=0.02)  # the curve is not quite straight
+
+
+def test_truth_and_pose_agree_for_a_tilted_board() -> None:
+    tilted = scenario.load("rest", {"board.tilt_deg": 20.0, "board.tilt_axis_deg": 30.0})
+    sample = SurrogateRig(tilted, plays=ONE_PLAY).truth.now()
+    assert isinstance(sample.plant.board, Pose)
+    assert sample.plant.board.quaternion == tilted.board.quaternion

@@ -1,0 +1,82 @@
+"""Vision without pictures: what it hides, its noise, and that it stands for pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from endolock.control import laws, loop, metrics
+from endolock.scripts import rigs
+from endolock.twin import scenario
+from endolock.twin.instrument import Instrument
+from endolock.twin.rig import TwinRig
+from endolock.vision.markers import MarkerEyes
+from endolock.vision.observation import Observation, Status
+from endolock.vision.truth import TruthEyes
+
+
+def look(name: str, seconds: float, **changes: float) -> list[Observation]:
+    """What exact eyes say of a target while nothing is steered."""
+    loaded = scenario.load(name, changes)
+    rig, eyes = rigs.make("twin", loaded, vision="truth", instrument=Instrument(), seed=0)
+    seen, newest = [], -1
+    with rig:
+        while rig.clock.now() < seconds:
+            rig.clock.sleep_until(rig.clock.now() + 0.02)
+            frame = rig.camera.latest()
+            if frame is not None and frame.seq > newest:
+                newest = frame.seq
+                seen.append(eyes(frame))
+    return seen
+
+
+def test_a_target_behind_a_plate_is_hidden_and_said_so() -> None:
+    # models/scenarios/occlusion.toml: hidden from 6.4 to 7.4 s with the target at the centre
+    seen = look("occlusion", 9.0, **{"camera.latency_s": 0.0})
+    hidden = [one for one in seen if one.why == "target hidden"]
+    assert 20 <= len(hidden) <= 50  # about a second of 25 Hz, with the target off the centre
+    assert {one.status for one in hidden} <= {Status.COASTING, Status.LOST}
+    assert seen[-1].status is Status.TRACKING
+
+
+def test_plates_hide_from_exact_eyes_what_they_hide_from_markers() -> None:
+    loaded = scenario.load("occlusion", {"camera.latency_s": 0.0})
+    with TwinRig(loaded) as rig:
+        exact, markers = TruthEyes(rig.truth), MarkerEyes(rig.camera.calibration, rig.board)
+        differ = 0
+        for n in range(0, 250, 2):
+            rig.clock.sleep_until(0.04 * n)
+            frame = rig.camera.latest()
+            assert frame is not None
+            behind = exact(frame).why == "target hidden"
+            found = markers(frame).status is Status.TRACKING
+            differ += behind and found
+    # Markers around the target may be seen past the plate's edge: a sixth of the passage at most.
+    assert differ <= 4
+
+
+def test_noise_has_the_deviation_that_is_asked_for() -> None:
+    seen = look("rest", 20.0, **{"camera.truth_noise_px": 3.0, "camera.latency_s": 0.0})
+    pixels = np.array([one.target_px for one in seen])
+    assert pixels.std() == pytest.approx(3.0, rel=0.15)  # 1000 numbers; 2 % is one sigma
+    assert {one.covariance for one in seen} == {(9.0, 0.0, 9.0)}
+
+
+def test_the_camera_believes_its_nominal_latency() -> None:
+    seen = look("rest", 1.0, **{"camera.latency_s": 0.3, "camera.nominal_latency_s": 0.2})
+    assert seen[5].t_capture == pytest.approx(5 / 25 + 0.1)
+
+
+@pytest.mark.parametrize(("name", "law"), [("circle", "pi_simc"), ("straight", "ik_sync")])
+def test_pictures_and_truth_give_the_same_scores(name: str, law: str) -> None:
+    rms = []
+    for vision in ("markers", "truth"):
+        rig, eyes = rigs.make(
+            "twin", scenario.load(name), vision=vision, instrument=Instrument(), seed=0
+        )
+        with rig:
+            camera = rig.camera.calibration
+            run = loop.run(rig, eyes, laws.make(law, camera), duration_s=12.0)
+            rms.append(metrics.score(run, camera, 2.0)["error_px"]["rms"])
+    # Markers are 0.1 px off; what the loop makes of that is of the same order.
+    assert rms[0] == pytest.approx(rms[1], abs=0.5)
