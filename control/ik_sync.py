@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from endolock.control import process
-from endolock.control.inverse_kinematics import aimed
-from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.control.inverse_kinematics import IKMemory, InverseKinematics, aimed
+from endolock.control.kinematics import SectionGeometry
 from endolock.control.past import Past
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.api import Calibration, ConfigError, State
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -38,22 +38,16 @@ class IKSyncSettings:
 
 
 @dataclass
-class IKSyncMemory:
+class IKSyncMemory(IKMemory):
     """What the law remembers."""
 
-    handles: Pair = (0.0, 0.0)
-    """Where it wants the handles now [rad]."""
-    aim: Pair = (0.0, 0.0)
-    """Where they shall go [rad]."""
     distance_m: float | None = None
     """Depth of the target, as last told by markers [m]."""
-    t: float | None = None
-    """Of the last tick [s]."""
     past: Past = field(default_factory=Past)
     """Where the handles were."""
 
 
-class SynchronousIK:
+class SynchronousIK(InverseKinematics):
     """Aims at where the target was when it was seen.
 
     Args:
@@ -62,15 +56,16 @@ class SynchronousIK:
         geometry: lengths of the section; the defaults if None.
     """
 
+    memory: IKSyncMemory
+
     def __init__(
         self,
         calibration: Calibration,
         settings: IKSyncSettings | None = None,
         geometry: SectionGeometry | None = None,
     ) -> None:
-        self._calibration = calibration
-        self._settings = settings or IKSyncSettings()
-        self._geometry = geometry or SectionGeometry()
+        super().__init__(calibration, geometry=geometry)
+        self._believed = settings or IKSyncSettings()
         self.memory = IKSyncMemory()
 
     def reset(self, state: State) -> None:
@@ -78,26 +73,18 @@ class SynchronousIK:
         handles = state.position[0], state.position[1]
         self.memory = IKSyncMemory(handles=handles, aim=handles)
 
-    def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Aim anew with each frame that shows the target; else keep the aim.
-
-        See `Controller.update`.
-        """
-        memory, settings = self.memory, self._settings
+    def _look(self, state: State, observation: Observation | None) -> None:
+        """Renew the aim with a frame that shows the target; else keep it."""
+        memory, believed = self.memory, self._believed
         memory.past.add(state)
-        if observation is not None and observation.status is Status.TRACKING:
-            if isfinite(observation.distance_m):
-                memory.distance_m = observation.distance_m
-            ray = camera_model.ray(self._calibration, observation.target_px)
-            depth = memory.distance_m or settings.target_distance_m
-            then = memory.past.at(observation.t_capture)
-            memory.aim = aimed(self._geometry, settings.bend_per_handle, then, depth * ray)
-        dt = 0.0 if memory.t is None else t - memory.t
-        memory.t = t
-        share = dt / (settings.settle_s + dt)
-        (up_down, left_right), (aim_up, aim_right) = memory.handles, memory.aim
-        memory.handles = (
-            up_down + share * (aim_up - up_down),
-            left_right + share * (aim_right - left_right),
-        )
-        return Command(position=memory.handles)
+        if observation is None or observation.status is not Status.TRACKING:
+            return
+        if isfinite(observation.distance_m):
+            memory.distance_m = observation.distance_m
+        ray = camera_model.ray(self._calibration, observation.target_px)
+        depth = memory.distance_m or believed.target_distance_m
+        then = memory.past.at(observation.t_capture)
+        memory.aim = aimed(self._geometry, believed.bend_per_handle, then, depth * ray)
+
+    def _share(self, dt: float) -> float:
+        return dt / (self._believed.settle_s + dt)

@@ -74,26 +74,35 @@ class InverseKinematics:
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Aim anew with each frame, and follow; without a target, stay. See `Controller.update`."""
-        memory, settings = self.memory, self._settings
-        if observation is not None:
-            memory.aim = memory.handles
-            if observation.status is Status.TRACKING:
-                ray = camera_model.ray(self._calibration, observation.target_px)
-                memory.aim = aimed(
-                    self._geometry,
-                    settings.bend_per_handle,
-                    (state.position[0], state.position[1]),
-                    settings.target_distance_m * ray,
-                )
+        memory = self.memory
+        self._look(state, observation)
         dt = 0.0 if memory.t is None else t - memory.t
         memory.t = t
-        share = min(1.0, settings.rate_per_s * dt)
+        share = self._share(dt)
         (up_down, left_right), (aim_up, aim_right) = memory.handles, memory.aim
         memory.handles = (
             up_down + share * (aim_up - up_down),
             left_right + share * (aim_right - left_right),
         )
         return Command(position=memory.handles)
+
+    def _look(self, state: State, observation: Observation | None) -> None:
+        """Renew the aim."""
+        if observation is None:
+            return
+        self.memory.aim = self.memory.handles
+        if observation.status is Status.TRACKING:
+            ray = camera_model.ray(self._calibration, observation.target_px)
+            self.memory.aim = aimed(
+                self._geometry,
+                self._settings.bend_per_handle,
+                (state.position[0], state.position[1]),
+                self._settings.target_distance_m * ray,
+            )
+
+    def _share(self, dt: float) -> float:
+        """Share of the remaining way that the handles go in a time [1]."""
+        return min(1.0, self._settings.rate_per_s * dt)
 
 
 def aimed(geometry: SectionGeometry, slope: float, handles: Pair, seen: Vector) -> Pair:

@@ -10,12 +10,15 @@ from __future__ import annotations
 import threading
 from collections import deque
 from concurrent.futures import Future
+from math import ceil
 
 import mujoco
 
 import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
+from endolock.twin import optics
 from endolock.twin.randomness import generator
+from endolock.twin.scenario import Camera as Video
 
 Picture = Image | Future[Image] | None
 """A picture, one that is still being made, or none."""
@@ -157,3 +160,22 @@ class TwinCamera:
                 repeated=repeated,
             )
         return self._newest
+
+
+def tip_camera(video: Video, clock: Clock, seed: int) -> TwinCamera:
+    """Make the tip camera that a scenario asks for."""
+    return TwinCamera(
+        optics.calibration(video),
+        clock,
+        seed,
+        latency_s=video.latency_s,
+        jitter_s=video.jitter_s,
+        drop_fraction=video.drop_fraction,
+        repeat_fraction=video.repeat_fraction,
+        nominal_latency_s=video.nominal_latency_s,
+    )
+
+
+def under_way(video: Video) -> int:
+    """Most frames that are under way at once, and those of a second more for who asks late."""
+    return ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)

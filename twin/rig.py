@@ -102,22 +102,12 @@ class TwinRig:
         model = self.plant.model
         calibration = optics.calibration(video)
         self._tip, self._fixed = (scene.camera_id(model, name) for name in ("tip", "overview"))
-        self.camera = camera.TwinCamera(
-            calibration,
-            self.clock,
-            seed,
-            latency_s=video.latency_s,
-            jitter_s=video.jitter_s,
-            drop_fraction=video.drop_fraction,
-            repeat_fraction=video.repeat_fraction,
-            nominal_latency_s=video.nominal_latency_s,
-        )
+        self.camera = camera.tip_camera(video, self.clock, seed)
         self.overview: camera.TwinCamera | None = None
         if overview and pictures:
             fixed = camera_model.from_fovy(*OVERVIEW_SIZE, scene.OVERVIEW_FOVY_DEG)
             self.overview = camera.TwinCamera(fixed, self.clock, seed)
-        # Frames under way, and a second more for who asks late.
-        under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
+        under_way = camera.under_way(video)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._renderer = camera.Renderer(model) if pictures else None
         self._optics = optics.Optics(video, seed) if pictures else None

@@ -23,7 +23,7 @@ from endolock.control.kinematics import Pair, SectionGeometry
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.guard import Guard, Reading
 from endolock.twin import board as boards
-from endolock.twin import camera, optics
+from endolock.twin import camera
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument
 from endolock.twin.rig import load
@@ -75,17 +75,8 @@ class SurrogateRig:
         self.plant = SurrogatePlant(self.scenario, plays, made, seed)
         self.actuators = Guard(SurrogateDrive(self.plant, self.clock, made))
         video = self.scenario.camera
-        self.camera = camera.TwinCamera(
-            optics.calibration(video),
-            self.clock,
-            seed,
-            latency_s=video.latency_s,
-            jitter_s=video.jitter_s,
-            drop_fraction=video.drop_fraction,
-            repeat_fraction=video.repeat_fraction,
-            nominal_latency_s=video.nominal_latency_s,
-        )
-        under_way = ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
+        self.camera = camera.tip_camera(video, self.clock, seed)
+        under_way = camera.under_way(video)
         calibration = self.camera.calibration
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._frames = 0
