@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable
 from math import ceil
 
-from endolock.scripts import batch, run, theory, variation
+from endolock.scripts import batch, output, run, theory, variation
 from endolock.scripts.batch import Done
 from endolock.twin import scenario
 
@@ -62,19 +62,20 @@ def page() -> str:
         [name, *first[n * len(LAWS) : (n + 1) * len(LAWS)], _floor(name)]
         for n, name in enumerate(SCENARIOS)
     ]
-    text = f"\n## Scenarios\n\n{_table(['scenario', *LAWS, 'Wiener floor'], rows)}"
+    text = f"\n## Scenarios\n\n{output.markdown(['scenario', *LAWS, 'Wiener floor'], rows)}"
     straight = SCENARIOS.index("straight") * len(LAWS)
     rows = [["nominal", *(first[straight + LAWS.index(law)] for law in FEW), ""]]
     rows += [
         [name, *second[n * len(FEW) : (n + 1) * len(FEW)], variation.read(name).summary]
         for n, name in enumerate(variation.names())
     ]
-    text += f"\n## Disturbances, on `straight`\n\n{_table(['disturbance', *FEW, 'what'], rows)}"
+    text += "\n## Disturbances, on `straight`\n\n"
+    text += output.markdown(["disturbance", *FEW, "what"], rows)
     rows = [
         [name, f"{s:g} s", *third[n * len(FEW) : (n + 1) * len(FEW)]]
         for n, (name, s) in enumerate((n, s) for n in ("straight", "circle") for s in LATENCIES)
     ]
-    text += f"\n## Latencies\n\n{_table(['scenario', 'latency', *FEW], rows)}"
+    text += f"\n## Latencies\n\n{output.markdown(['scenario', 'latency', *FEW], rows)}"
     minutes = 5 * ceil((time.perf_counter() - begin) / 300)
     return HEAD.format(minutes=minutes) + text + CLOSING
 
@@ -99,11 +100,6 @@ def _cell(done: Done | None) -> str:
 def _floor(name: str) -> str:
     floor = theory.floor_px(scenario.load(name))
     return "-" if floor is None else f"{floor:.1f}"
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
 
 if __name__ == "__main__":

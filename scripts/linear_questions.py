@@ -17,7 +17,8 @@ from endolock.control.pi import PISettings
 from endolock.control.process import HOLD_S, Process, image_gain
 from endolock.hw.api import Command, Vector
 from endolock.scripts import batch
-from endolock.scripts.questions import COLOURS, Answer, request, table
+from endolock.scripts.output import markdown
+from endolock.scripts.questions import COLOURS, Answer, request
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
@@ -45,7 +46,7 @@ def process() -> Answer:
         [name, f"{one.gain:.2f}", f"{1e3 * one.lag_s:.0f} ms", f"{one.dead_s:.3f} s"]
         for name, one in (("from the step", found), ("believed by the laws", believed))
     ]
-    text = table(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
+    text = markdown(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
     text += f"\nThe model misses the step's answer by {1e3 * misfit:.1f} mrad rms. The step has\n"
     text += f"no hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
@@ -57,7 +58,7 @@ def process() -> Answer:
         assert response is not None
         m = analysis.margins(response, loop)
         rows.append([name, f"{m.gain:.1f}", f"{m.phase_deg:.0f} deg", f"{m.dead_s:.2f} s"])
-    text += table(["law", "gain margin", "phase margin", "dead time margin"], rows)
+    text += markdown(["law", "gain margin", "phase margin", "dead time margin"], rows)
 
     def draw(panel: Any) -> None:
         panel.plot(t, 1e3 * error, ".", color=COLOURS[0], label="as seen by the camera")
@@ -128,7 +129,7 @@ def limit_cycle() -> Answer:
         panel.legend(frameon=False, ncols=4)
 
     head = ["width", "predicted", "twin", "amplitude predicted", "twin"]
-    return Answer(table(head, rows), draw)
+    return Answer(markdown(head, rows), draw)
 
 
 def _compensated(width: float) -> Callable[[Vector], Vector]:

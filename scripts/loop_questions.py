@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from endolock.scripts import batch
-from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request, table
+from endolock.scripts.output import markdown
+from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request
 
 WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 
@@ -48,7 +49,7 @@ def roughness() -> Answer:
         panel.legend(frameon=False, fontsize=8)
 
     head = ["law", "rms", "handle acceleration rms [rad/s2]", "handle reversals a second"]
-    return Answer(table(head, rows), draw)
+    return Answer(markdown(head, rows), draw)
 
 
 def circles() -> Answer:
@@ -81,7 +82,7 @@ def circles() -> Answer:
         panel.set_ylim(bottom=0)
         panel.legend(frameon=False)
 
-    return Answer(table(["scenario", "form", *(f"{w:g}" for w in WIDTHS)], rows), draw)
+    return Answer(markdown(["scenario", "form", *(f"{w:g}" for w in WIDTHS)], rows), draw)
 
 
 def latency() -> Answer:
@@ -111,7 +112,7 @@ def latency() -> Answer:
         panel.set_ylim(bottom=0)
         panel.legend(frameon=False)
 
-    return Answer(table(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
+    return Answer(markdown(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
 
 
 def after_a_push() -> Answer:
@@ -164,4 +165,4 @@ def after_a_push() -> Answer:
         panel.legend(frameon=False, fontsize=8)
 
     head = ["law", *(f"{force} N: over 30 px, largest" for force in forces)]
-    return Answer(table(head, rows), draw)
+    return Answer(markdown(head, rows), draw)

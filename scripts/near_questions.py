@@ -9,7 +9,8 @@ import numpy as np
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain, simc
 from endolock.scripts import batch, run
-from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request, table
+from endolock.scripts.output import markdown
+from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request
 
 DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
 
@@ -32,7 +33,7 @@ def relative() -> Answer:
         for n, d in enumerate(DISTANCES_M)
     ]
     head = ["distance", "stroke", "handle travel without friction"]
-    text = table([*head, *(f"{law}: error over that without friction" for law in laws)], rows)
+    text = markdown([*head, *(f"{law}: error over that without friction" for law in laws)], rows)
 
     def draw(panel: Any) -> None:
         for n, law in enumerate(laws):
@@ -91,7 +92,7 @@ def integral() -> Answer:
         panel.set_ylabel("rms error [px]")
         panel.legend(frameon=False)
 
-    return Answer(table(head, rows), draw)
+    return Answer(markdown(head, rows), draw)
 
 
 def aiming() -> Answer:
@@ -126,7 +127,7 @@ def aiming() -> Answer:
         panel.set_ylabel("rms error [px]")
         panel.legend(frameon=False, fontsize=8)
 
-    return Answer(table(["law", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)], rows), draw)
+    return Answer(markdown(["law", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)], rows), draw)
 
 
 def near(distance_m: float, law: str, *changes: str) -> run.Request:

@@ -42,12 +42,6 @@ def request(scenario: str, law: str, *changes: str) -> run.Request:
     )
 
 
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """Lay out as Markdown."""
-    lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
-
-
 def questions() -> dict[str, Callable[[], Answer]]:
     """All questions by name."""
     from endolock.scripts import linear_questions, loop_questions, near_questions  # they need this

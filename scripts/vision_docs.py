@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from endolock.scripts import latency
+from endolock.scripts import latency, output
 from endolock.scripts import vision_benchmark as benchmark
 from endolock.scripts import vision_sequences as sequences
 from endolock.twin import scenario as scenarios
@@ -96,11 +96,11 @@ class Measured:
             for series in self.distances.values():
                 row += _marked(series[n])
             rows.append(row)
-        return _table(head, rows)
+        return output.markdown(head, rows)
 
     def _condition(self) -> str:
         head = ["at 12 cm", "px rms", "px max", "depth % rms", "found"]
-        return _table(head, [[name, *_marked(m)] for name, m in self.conditions.items()])
+        return output.markdown(head, [[name, *_marked(m)] for name, m in self.conditions.items()])
 
     def _tracker(self) -> str:
         head = ["target", "path", "pictures", *(f"{2 * half + 1} px" for half in benchmark.WINDOWS)]
@@ -111,7 +111,7 @@ class Measured:
                 lost = f" ({result.refused} refused)" if result.refused else ""
                 row.append(f"{result.rms_px:.3f}{lost}")
             rows.append(row)
-        return _table(head, rows)
+        return output.markdown(head, rows)
 
     def _hidden(self) -> str:
         h = self.hidden
@@ -129,7 +129,7 @@ class Measured:
             ],
             ["right frames that it refuses", f"{100 * refused:.1f} %"],
         ]
-        return _table(["over the occlusion set", ""], rows)
+        return output.markdown(["over the occlusion set", ""], rows)
 
     def _latency(self) -> str:
         rows = []
@@ -146,7 +146,7 @@ class Measured:
             "error",
             "jitter (std)",
         ]
-        return _table(head, rows)
+        return output.markdown(head, rows)
 
     def draw(self, path: Path) -> None:
         """Draw pixel and depth error over distance, the tracker's windows, and the ROC."""
@@ -222,7 +222,7 @@ def costs() -> str:
                 taken[name].append(time.perf_counter() - start)
     base = min(taken["nothing but the pinhole"])
     rows = [[name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"] for name, t in taken.items()]
-    return _table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
+    return output.markdown(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
 
 
 def _marked(m: benchmark.Marked) -> list[str]:
@@ -234,11 +234,6 @@ def _marked(m: benchmark.Marked) -> list[str]:
         f"{100 * m.depth_rms:.3f}",
         f"{100 * m.found:.0f} %",
     ]
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
 
 def write(folder: Path, between: Callable[[str, str, str], str]) -> None:
