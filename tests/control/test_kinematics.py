@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from endolock.control import kinematics
 from endolock.control.kinematics import SectionGeometry
 from endolock.hw.api import Calibration, ConfigError
+from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model
 
@@ -76,20 +77,26 @@ def test_impossible_sections_are_refused(sizes: tuple[float, float]) -> None:
         SectionGeometry(bending_length_m=sizes[0], rigid_tip_m=sizes[1])
 
 
+@pytest.mark.parametrize("misalignment", [0.0, 0.25])
 @pytest.mark.parametrize("bend", [(0.0, 0.6), (0.5, 0.0), (0.4, -0.4)])
-def test_the_twin_bends_nearly_with_constant_curvature(bend: tuple[float, float]) -> None:
-    plant = TwinRig("rest", pictures=False).plant
+def test_the_twin_bends_nearly_with_constant_curvature(
+    bend: tuple[float, float], misalignment: float
+) -> None:
+    made = Instrument(misalignment_rad=misalignment)
+    plant = TwinRig("rest", instrument=made, pictures=False).plant
     for i in range(1, 13):
         axis = "up_down" if i % 2 else "left_right"
         plant.data.joint(f"hinge_{axis}_{i}").qpos = bend[0 if i % 2 else 1] / 6
     plant.step_count += 1  # positions were changed behind its back
     truth, _ = plant.explain(plant.snapshot())
-    expected, _ = kinematics.forward(SECTION, truth.bend_rad)
+    geometry = SectionGeometry(misalignment_rad=misalignment)
+    expected, rotation = kinematics.forward(geometry, truth.bend_rad)
     # six alternating hinges an axis: the axes' planes lie half a pitch, 3 mm, apart along the tip,
     # which tilts by up to 0.6 rad
     assert truth.tip.position == pytest.approx(expected, abs=0.0031 * 0.6 + 1e-4)
     # rotations about two axes do not commute
     assert truth.bend_rad == pytest.approx(bend, abs=0.02)
+    assert truth.tip.matrix == pytest.approx(rotation, abs=0.03)
 
 
 @pytest.mark.parametrize("projection", ["pinhole", "equidistant"])
