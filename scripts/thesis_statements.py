@@ -49,7 +49,7 @@ def ask(runs: Mapping[str, Traces]) -> list[dict[str, Any]]:
                 {
                     "id": name,
                     "column": column,
-                    "statement": (question.__doc__ or "").split("\n")[0],
+                    "statement": (question.__doc__ or "").split("\n")[0].removesuffix("."),
                     "expected": answer.expected if stated else None,
                     "got": answer.got,
                     "ok": bool(answer.ok) if stated else None,
