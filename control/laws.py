@@ -18,6 +18,7 @@ from endolock.control.oracle import Oracle, OracleSettings
 from endolock.control.pi import PI, PISettings
 from endolock.control.pi_simc import SimcPI, SimcSettings
 from endolock.control.plug_in import PlugIn
+from endolock.control.predictive import Predictive, PredictiveSettings, SinglePredictiveSettings
 from endolock.control.repetitive import Repetitive, RepetitiveSettings
 from endolock.control.smith import Smith, SmithSettings
 from endolock.hw.api import Calibration, ConfigError, Truth
@@ -40,6 +41,8 @@ LAWS: dict[str, Law] = {
     "pi_hc": Law(compensation.pi_hc, compensation.PIHCSettings),
     "pi_simc": Law(SimcPI, SimcSettings),
     "pi_simc_hc": Law(compensation.pi_simc_hc, compensation.SimcHCSettings),
+    "predictive": Law(Predictive, SinglePredictiveSettings),
+    "predictive_bank": Law(Predictive, PredictiveSettings),
     "repetitive": Law(Repetitive, RepetitiveSettings),
     "smith": Law(Smith, SmithSettings),
 }
