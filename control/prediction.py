@@ -34,6 +34,8 @@ MEMORY_S = 4.0
 CLEARLY = 0.75
 """Another predictor is chosen where its mean squared error is below this share of the present
 one's: a guard against switching to and fro."""
+SURE = 25
+"""A predictor is chosen after so many comparisons: a second."""
 AS_GOOD = 1.5
 """A period is as good as the best if what it leaves is at most so many times as much: of a period
 and its multiples, which explain as much, the shortest is meant."""
@@ -166,6 +168,8 @@ class Bank:
     """Number of the one that is believed; the harmonic one comes last."""
     errors: list[float] = field(default_factory=list)
     """Mean squared error of each [rad2]."""
+    judged: list[int] = field(default_factory=list)
+    """How often each was."""
     said: list[tuple[float, list[Pair | None]]] = field(default_factory=list)
     """What each said, with the time that it said it of."""
     t: float | None = None
@@ -180,7 +184,8 @@ class Bank:
             variance: of each coordinate [rad2].
             horizon_s: how far ahead predictions are wanted [s].
         """
-        self.errors = self.errors or [1.0] * len(self.all_at(t))
+        count = len(self.all_at(t))
+        self.errors, self.judged = self.errors or [1.0] * count, self.judged or [0] * count
         share = 1.0 if self.t is None else min(1.0, max(0.0, t - self.t) / MEMORY_S)
         self.t = t
         while self.said and self.said[0][0] <= t + 1e-6:
@@ -190,13 +195,17 @@ class Bank:
             for n, place in enumerate(places):
                 if place is not None:
                     squared = (place[0] - seen[0]) ** 2 + (place[1] - seen[1]) ** 2
-                    self.errors[n] += share * (squared - self.errors[n])
+                    self.judged[n] += 1
+                    weight = max(share, 1 / self.judged[n])  # a plain mean at first
+                    self.errors[n] += weight * (squared - self.errors[n])
         for one in self.movers:
             one.update(t, seen, variance)
         if self.harmonic:
             self.harmonic.update(t, seen)
         self.said.append((t + horizon_s, self.all_at(t + horizon_s)))
         best = int(np.argmin(self.errors))
+        if self.judged[best] < SURE:
+            return
         if self.errors[best] < CLEARLY * self.errors[self.chosen]:
             self.chosen = best
 
