@@ -7,8 +7,7 @@
 4. The model's inverse, behind a small reference play, turns the wanted bend into a handle angle.
 5. The model begins with almost no hysteresis. Every two seconds weights and latency are identified
    anew, and the target's past is told again with them.
-6. Where the handles turn back too often, the law becomes cautious: it predicts nothing and turns
-   back only for more.
+6. Where the handles turn back too often, the law becomes cautious: it turns back only for more.
 
 It needs neither a known latency nor a known width, nothing but what a bench knows.
 
@@ -33,10 +32,16 @@ from endolock.hw.api import AXES, Calibration, Command, ConfigError, State, Vect
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
-RADII = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
-"""Half-widths of the plays [rad]: loops of up to 0.32 of 180 deg."""
+RADII = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
+"""Half-widths of the plays [rad]: loops of up to 0.45 of 180 deg."""
 PRIOR = (BEND_PER_HANDLE, *[0.0] * (len(RADII) - 1))
 """Weights at the start: no hysteresis. Over-compensation is what loses targets."""
+MIN_TURNS = 2
+"""Reversals that must have been seen before the model is believed: the loop shows there alone."""
+FAR_RAD = 0.35
+"""A target that was so far off the axis is not predicted [rad]: the model must be wrong."""
+CAUTION = 4.0
+"""Factor on the reference play while cautious."""
 MIN_FRAMES = 100
 """Fewer identify nothing."""
 
@@ -66,14 +71,17 @@ class PredictiveSettings:
     """[s], > 0; more than the time of any run leaves the model as it begins."""
     damping: float = 0.8
     """Share of the way from the old to the identified weights [1], 0 to 1."""
-    busy_per_s: float = 6.0
-    """More reversals a second make it cautious, until there are half as many. Assumed."""
+    busy_per_s: float = 3.0
+    """More reversals of the handles a second make it cautious, until there are half as many.
+    Assumed: strokes have 0.5."""
+    swing_rad: float = 0.1
+    """A handle has reversed once it came back by this [rad], > 0. Assumed: less is noise."""
 
     def __post_init__(self) -> None:
         positive = (self.target_distance_m, self.walk_density, *self.densities, self.noise_px)
         good = min(*positive, self.identify_every_s, self.busy_per_s) > 0
         good &= min(self.latency_uncertainty_s, self.lead_s, self.reversal_rad, self.damping) >= 0
-        if not (good and self.densities and self.damping <= 1):
+        if not (good and self.densities and self.damping <= 1 and self.swing_rad > 0):
             raise ConfigError(
                 "predictive: distance, densities, noise_px, identify_every_s and busy_per_s must "
                 "be above 0, the rest 0 or more, damping at most 1"
@@ -124,13 +132,21 @@ class PredictiveMemory:
     shift_std_s: float = 0.0
     identified: float = 0.0
     """When [s]."""
+    known: bool = False
+    """Whether the hysteresis was identified from a course with reversals."""
     rate: float = 0.0
     """Of the handles [rad/s]."""
+    off_rad: float = 0.0
+    """How far off the axis the target was in the newest frame [rad]."""
     lost: bool = False
+    extremes: Pair = (0.0, 0.0)
+    """Farthest commands since the last reversals [rad]."""
     ways: Pair = (0.0, 0.0)
-    """Signs of the last moves of the wanted bend."""
+    """Their directions, +1 or -1; 0 at first."""
     turns: list[float] = field(default_factory=list)
-    """Times of its reversals within the last 2 s [s]."""
+    """Times of the commands' reversals within the last 2 s [s]."""
+    turned: int = 0
+    """How many there were in all."""
     cautious: bool = False
 
 
@@ -194,7 +210,28 @@ class Predictive:
             for axis, want in zip(memory.axes, memory.wanted, strict=True)
         ]
         memory.held = handles[0], handles[1]
+        self._count_turns(t)
         return Command(position=memory.held)
+
+    def _count_turns(self, t: float) -> None:
+        """Notice reversals of the commands, and whether there are too many."""
+        memory, settings = self.memory, self._settings
+        extremes, ways = [], []
+        for command, extreme, way in zip(memory.held, memory.extremes, memory.ways, strict=True):
+            moved = command - extreme
+            if way * moved >= 0 and (way or abs(moved) < settings.swing_rad):
+                extreme = command if way else extreme
+            elif abs(moved) >= settings.swing_rad:
+                if way:
+                    memory.turns.append(t)
+                    memory.turned += 1
+                extreme, way = command, 1.0 if moved > 0 else -1.0
+            extremes.append(extreme)
+            ways.append(way)
+        memory.extremes, memory.ways = (extremes[0], extremes[1]), (ways[0], ways[1])
+        memory.turns = [at for at in memory.turns if at > t - 2.0]
+        limit = 2.0 * settings.busy_per_s
+        memory.cautious = len(memory.turns) > (limit / 2 if memory.cautious else limit)
 
     def _fresh(self, handles: Pair) -> PredictiveMemory:
         settings = self._settings
@@ -203,7 +240,7 @@ class Predictive:
             movers.insert(0, Mover(settings.walk_density, still=True))
         bank = Bank(movers, Harmonic() if settings.harmonic else None)
         one, other = (AxisMemory(places=[h] * len(RADII)) for h in handles)
-        return PredictiveMemory(bank, axes=(one, other), held=handles)
+        return PredictiveMemory(bank, axes=(one, other), held=handles, extremes=handles)
 
     def _follow(self, state: State) -> None:
         """Run the model on the measured handles."""
@@ -233,6 +270,7 @@ class Predictive:
         place = kinematics.aim(self._geometry, position + rotation @ (depth * ray))
         off = place[0] - bend[0], place[1] - bend[1]
         memory.seen.append((observation.t_capture, *off))
+        memory.off_rad = hypot(*off)
         while memory.seen[0][0] < t - online_hysteresis.WINDOW_S:
             del memory.seen[0]
         noise = settings.noise_px / self._calibration.focal_px
@@ -256,23 +294,15 @@ class Predictive:
     def _want(self, t: float) -> None:
         """Predict, and let the wanted bend follow behind the reference play."""
         memory, settings = self.memory, self._settings
-        memory.turns = [at for at in memory.turns if at > t - 2.0]
-        limit = 2.0 * settings.busy_per_s
-        memory.cautious = len(memory.turns) > (limit / 2 if memory.cautious else limit)
         reach = settings.reversal_rad
-        aim = memory.bank.at(t + settings.lead_s)
+        # Prediction without a model of the hysteresis rings, and a wrong model loses the target.
+        good = memory.known and memory.off_rad < FAR_RAD
+        aim = memory.bank.at(t + settings.lead_s) if good else memory.bank.movers[0].place
         if memory.cautious:
-            aim, reach = memory.bank.movers[0].place, 5 * reach
+            reach *= CAUTION
         before = memory.wanted or aim
         one, other = (min(max(w, a - reach), a + reach) for w, a in zip(before, aim, strict=True))
         memory.wanted = one, other
-        ways = []
-        for old, new, way in zip(before, memory.wanted, memory.ways, strict=True):
-            now = float(np.sign(new - old)) or way
-            if now * way < 0:
-                memory.turns.append(t)
-            ways.append(now)
-        memory.ways = ways[0], ways[1]
 
     def _identify(self) -> None:
         """Identify weights and latency, and tell the target's past again with them."""
@@ -287,6 +317,7 @@ class Predictive:
         )
         if found is None:
             return
+        memory.known = memory.turned >= MIN_TURNS
         memory.shift_s += 0.3 * (found.shift_s - memory.shift_s)
         memory.shift_std_s = found.shift_std_s
         for axis, weights, std in zip(memory.axes, found.weights, found.width_std, strict=True):
