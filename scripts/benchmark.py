@@ -15,8 +15,20 @@ from endolock.scripts.batch import Done
 from endolock.twin import scenario
 
 SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
-LAWS = ("pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive", "oracle")
-FEW = ("pi", "pi_hc", "pi_simc", "pi_simc_hc", "ik_sync", "oracle")
+LAWS = (
+    "pi",
+    "pi_hc",
+    "ik",
+    "pi_simc",
+    "pi_simc_hc",
+    "ik_sync",
+    "smith",
+    "repetitive",
+    "predictive",
+    "predictive_bank",
+    "oracle",
+)
+FEW = ("pi", "pi_hc", "pi_simc", "pi_simc_hc", "predictive_bank", "oracle")
 """Laws of the larger tables: five and the floor."""
 LATENCIES = (0.06, 0.2, 0.4, 0.8)
 DURATION_S, SCORED_FROM_S = 100.0, 50.0

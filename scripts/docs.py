@@ -18,8 +18,10 @@ from rich.console import Console
 from endolock.control.identification import Log, fit
 from endolock.control.quasi_static import Geometry
 from endolock.scripts import (
+    ablation,
     benchmark,
     cli,
+    ensemble,
     foreign_plants,
     hysteresis,
     hysteresis_figure,
@@ -80,6 +82,12 @@ def main(_args: list[str]) -> int:
         vision_docs.write(ROOT / "docs", _between)
     with console.status("running the laws again as in the thesis"):
         answered()
+    with console.status("running the predictive lock on unknown plants, and in parts"):
+        guide = ROOT / "docs" / "predictive.md"
+        text = guide.read_text(encoding="utf-8")
+        text = _between(text, "ensemble", ensemble.table(("pi_simc", "predictive_bank")))
+        text = _between(text, "ablation", ablation.table())
+        guide.write_text(text, encoding="utf-8")
     with console.status("running the benchmark of laws, some minutes"):
         (ROOT / "docs" / "benchmark.md").write_text(benchmark.page(), encoding="utf-8")
     with tempfile.TemporaryDirectory() as place:
