@@ -16,17 +16,8 @@ from endolock.twin import scenario
 
 SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
 LAWS = (
-    "pi",
-    "pi_hc",
-    "ik",
-    "pi_simc",
-    "pi_simc_hc",
-    "ik_sync",
-    "smith",
-    "repetitive",
-    "predictive",
-    "predictive_bank",
-    "oracle",
+    *("pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive"),
+    *("predictive", "predictive_bank", "oracle"),
 )
 FEW = ("pi", "pi_hc", "pi_simc", "pi_simc_hc", "predictive_bank", "oracle")
 """Laws of the larger tables: five and the floor."""
