@@ -67,7 +67,6 @@ def process() -> Answer:
         panel.plot(t, 1e3 * model, color=COLOURS[1], lw=1, label="gain, lag and dead time")
         panel.set_xlabel("time since the step [s]")
         panel.set_ylabel("error [mrad]")
-        panel.legend(frameon=False)
 
     return Answer(text, draw)
 
@@ -126,7 +125,6 @@ def limit_cycle() -> Answer:
             panel.plot(one.t[late], one.error[late, 0], color=COLOURS[n], lw=1, label=f"{width:g}")
         panel.set_xlabel("time [s]; by width")
         panel.set_ylabel("error [px]")
-        panel.legend(frameon=False, ncols=4)
 
     head = ["width", "predicted", "twin", "amplitude predicted", "twin"]
     return Answer(markdown(head, rows), draw)

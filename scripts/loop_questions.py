@@ -46,7 +46,6 @@ def roughness() -> Answer:
         panel.set_xlabel("time [s]")
         panel.set_ylabel("error [px]")
         panel.set_ylim(bottom=0)
-        panel.legend(frameon=False, fontsize=8)
 
     head = ["law", "rms", "handle acceleration rms [rad/s2]", "handle reversals a second"]
     return Answer(markdown(head, rows), draw)
@@ -80,7 +79,6 @@ def circles() -> Answer:
         panel.set_xlabel("compensated width over 180 deg [1]")
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
-        panel.legend(frameon=False)
 
     return Answer(markdown(["scenario", "form", *(f"{w:g}" for w in WIDTHS)], rows), draw)
 
@@ -110,7 +108,6 @@ def latency() -> Answer:
         panel.set_xlabel("latency [s]")
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
-        panel.legend(frameon=False)
 
     return Answer(markdown(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
 
@@ -162,7 +159,6 @@ def after_a_push() -> Answer:
         panel.set_xlabel(f"phase of the stroke at which {forces[-1]} N push")
         panel.set_ylabel("largest deviation afterwards [px]")
         panel.set_ylim(bottom=0)
-        panel.legend(frameon=False, fontsize=8)
 
     head = ["law", *(f"{force} N: over 30 px, largest" for force in forces)]
     return Answer(markdown(head, rows), draw)

@@ -42,7 +42,6 @@ def relative() -> Answer:
         panel.set_xlabel("distance [mm]")
         panel.set_ylabel("error over that without friction [1]")
         panel.set_ylim(bottom=0)
-        panel.legend(frameon=False)
 
     return Answer(text, draw)
 
@@ -90,7 +89,6 @@ def integral() -> Answer:
             panel.axvline(limit, color=COLOURS[n], ls=":", lw=1)
         panel.set_xlabel("ki [1/s]; dotted: the linear limit")
         panel.set_ylabel("rms error [px]")
-        panel.legend(frameon=False)
 
     return Answer(markdown(head, rows), draw)
 
@@ -125,7 +123,6 @@ def aiming() -> Answer:
             panel.semilogy(mm, rms, "o-", color=COLOURS[n], label=name)
         panel.set_xlabel("distance [mm]")
         panel.set_ylabel("rms error [px]")
-        panel.legend(frameon=False, fontsize=8)
 
     return Answer(markdown(["law", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)], rows), draw)
 

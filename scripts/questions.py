@@ -63,11 +63,14 @@ def save(answer: Answer, path: Path) -> None:
     """Draw the figure of an answer."""
     from matplotlib.figure import Figure  # half a second to load
 
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    figure = Figure(figsize=(7, 4.0), layout="constrained")
     panel = figure.subplots()
     answer.draw(panel)
     panel.spines[["top", "right"]].set_visible(False)
     panel.grid(alpha=0.25)
+    _, names = panel.get_legend_handles_labels()
+    columns = 4 if len("".join(names)) < 50 else 2
+    figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     figure.savefig(path, dpi=110)
 
 
