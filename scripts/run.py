@@ -36,8 +36,9 @@ class Request:
     """straight, circle, triangle, random, close, jump, roll, push, breathing, shaft_loop,
     occlusion, endoscope, rest, or a TOML file of the same form."""
     controller: str = "pi"
-    """Control law: pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive, oracle (knows
-    the truth: a floor), or a .py file that defines make(calibration)."""
+    """Control law: pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive, predictive,
+    predictive_bank, oracle (knows the truth: a floor), or a .py file that defines
+    make(calibration)."""
     rig: str = "twin"
     """What to drive: twin; surrogate (plays fitted to the instrument, no physics, no pictures); or
     play (the same with one play of constant width)."""
