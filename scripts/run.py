@@ -24,6 +24,8 @@ from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 from endolock.vision.track import Selection
 
+LONG_NAME = 11
+"""A law with a longer name takes the last column's place in tables."""
 UNRECORDED = ("json", "view", "dry_run")
 """Options that change nothing about the run."""
 
@@ -267,7 +269,9 @@ def table(records: list[dict[str, Any]]) -> Table:
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     varied = any(r.get("variation") for r in records)
     rows = [_cells(record) for record in records]
-    left_out = ("found", "speed") if varied else ("variation",)  # all would not fit 80 columns
+    left_out = {"found", "speed"} if varied else {"variation"}  # all would not fit 80 columns
+    if any(len(record["controller"]) > LONG_NAME for record in records):
+        left_out.add("speed")
     headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
