@@ -17,7 +17,7 @@ from math import exp, log, radians
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, minimize
 
-from endolock.control.quasi_static import Cable, Geometry, simulate
+from endolock.control.quasi_static import Cable, Geometry, simulate, thin
 from endolock.control.uncertainty import Parameter, Spread
 from endolock.hw.api import Vector
 
@@ -198,27 +198,6 @@ def _residual(rows: _Rows, geometry: Geometry) -> Callable[[Vector], Vector]:
         return np.append(off, pulls.T.ravel())
 
     return residual
-
-
-def thin(handle: Vector, step_rad: float) -> list[int]:
-    """Choose samples a step of handle travel apart, and those where the handle turns.
-
-    Args:
-        handle: handle angles [rad], m.
-        step_rad: travel between two of them [rad]; smaller turns than a quarter are noise.
-    """
-    kept, farthest = [0], 0
-    for k, angle in enumerate(handle.tolist()):
-        last, far = handle[kept[-1]], handle[farthest]
-        if abs(angle - far) >= step_rad / 4 and (angle - far) * (far - last) < 0:
-            kept.append(farthest)
-            last, farthest = far, k
-        if abs(angle - last) >= step_rad:
-            kept.append(k)
-            farthest = k
-        elif abs(angle - last) >= abs(handle[farthest] - last):
-            farthest = k
-    return kept
 
 
 def _cable(x: Vector) -> Cable:

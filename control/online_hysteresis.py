@@ -45,6 +45,8 @@ class Found(NamedTuple):
     """Of each axis; None where the handle did not move."""
     width_std: tuple[float, float]
     """Standard deviation of the mean width, sum w 2r / sum w [rad]."""
+    misfit_rad: float
+    """What is left, rms of both axes together [rad]."""
 
 
 def identify(
@@ -70,7 +72,7 @@ def identify(
     Returns:
         What was found; None where neither handle moved.
     """
-    basis, _ = np.linalg.qr(_splines(t))
+    basis, _ = np.linalg.qr(splines(t))
     tried = []
     for change in SHIFTS_S:
         moment = t + shift + change
@@ -98,7 +100,7 @@ def identify(
     step = SHIFTS_S[1] - SHIFTS_S[0]
     bend = (tried[middle - 1][0] - 2 * tried[middle][0] + tried[middle + 1][0]) / step**2
     shift_std = float(np.sqrt(2 * left / (len(t) * bend))) if bend > 0 else step
-    return Found(found, shift_std, weights_of, width_std)
+    return Found(found, shift_std, weights_of, width_std, float(np.sqrt(left)))
 
 
 def _fit(
@@ -118,7 +120,7 @@ def _fit(
     return np.asarray(weights), misfit, misfit * np.linalg.inv(a.T @ a)
 
 
-def _splines(t: Vector) -> Vector:
+def splines(t: Vector) -> Vector:
     """Cubic B-splines with even knots, at times from the first to the last, n x m."""
     first = float(t[0])
     count = int(np.ceil((float(t[-1]) - first) / KNOT_S)) + 3

@@ -24,18 +24,14 @@ from math import hypot, isfinite, pi
 import numpy as np
 
 from endolock.control import kinematics, online_hysteresis
-from endolock.control.hysteresis import Hysteresis, Plays
+from endolock.control.internal_model import MIN_FRAMES, InternalModel, started
 from endolock.control.kinematics import Pair, SectionGeometry
 from endolock.control.prediction import Bank, Harmonic, Mover
 from endolock.control.process import BEND_PER_HANDLE, LAG_S
-from endolock.hw.api import AXES, Calibration, Command, ConfigError, State, Vector
+from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
-RADII = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
-"""Half-widths of the plays [rad]: loops of up to 0.45 of 180 deg."""
-PRIOR = (BEND_PER_HANDLE, *[0.0] * (len(RADII) - 1))
-"""Weights at the start: no hysteresis. Over-compensation is what loses targets."""
 MIN_TURNS = 2
 """Reversals that must have been seen before the model is believed: the loop shows there alone."""
 FAR_RAD = 0.35
@@ -45,8 +41,6 @@ STILL_RAD_S, SHORT_RAD, SHORT_SHARE = 0.05, 0.02, 0.02
 Assumed: 8 mrad are measured on the twin."""
 CAUTION = 4.0
 """Factor on the reference play while cautious."""
-MIN_FRAMES = 100
-"""Fewer identify nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +66,8 @@ class PredictiveSettings:
     """Smaller changes of the wanted bend do not turn the handles back [rad], >= 0."""
     identify_every_s: float = 2.0
     """[s], > 0; more than the time of any run leaves the model as it begins."""
+    capstan: bool = True
+    """Whether a capstan model is looked for, besides the plays."""
     damping: float = 0.8
     """Share of the way from the old to the identified weights [1], 0 to 1."""
     busy_per_s: float = 3.0
@@ -102,39 +98,20 @@ class SinglePredictiveSettings(PredictiveSettings):
 
 
 @dataclass
-class AxisMemory:
-    """Hysteresis of one axis."""
-
-    weights: list[float] = field(default_factory=lambda: list(PRIOR))
-    places: list[float] = field(default_factory=lambda: [0.0] * len(RADII))
-    """Of the plays [rad]."""
-    width_std: float = pi
-    """Standard deviation of the width [rad]."""
-
-
-@dataclass
 class PredictiveMemory:
     """What the law remembers."""
 
     bank: Bank
-    axes: tuple[AxisMemory, AxisMemory] = field(
-        default_factory=lambda: (AxisMemory(), AxisMemory())
-    )
+    model: InternalModel = field(default_factory=InternalModel)
     held: Pair = (0.0, 0.0)
     """The last command [rad]."""
     droop: Pair = (0.0, 0.0)
     """What the servos stop short, added to the command [rad]."""
     wanted: Pair | None = None
     """Bend that is wanted, behind the reference play [rad]."""
-    times: list[float] = field(default_factory=list)
-    plays: list[list[list[float]]] = field(default_factory=list)
-    """Places of all plays at those times, by axis [rad]."""
     seen: list[tuple[float, float, float]] = field(default_factory=list)
     """Exposures as believed [s], and how far the target was off then [rad]."""
     distance_m: float | None = None
-    shift_s: float = 0.0
-    """Exposures were so much later than believed [s]."""
-    shift_std_s: float = 0.0
     identified: float = 0.0
     """When [s]."""
     known: bool = False
@@ -177,16 +154,19 @@ class Predictive:
 
     @property
     def signals(self) -> dict[str, float]:
-        """Wanted bend, widths, latency and their uncertainties, choice of predictor, caution."""
+        """Bend believed and wanted, widths, latency, what they are worth, predictor, caution."""
         memory = self.memory
         told: dict[str, float] = {}
-        for n, (name, axis) in enumerate(zip(AXES, memory.axes, strict=True)):
+        model = memory.model
+        for n, (name, axis) in enumerate(zip(AXES, model.axes, strict=True)):
+            told[f"bend_{name}_rad"] = model.bend[n]
             if memory.wanted:
                 told[f"target_{name}_rad"] = memory.wanted[n]
-            told[f"width_{name}_rad"] = _width(axis.weights)
+            told[f"width_{name}_rad"] = axis.width
             told[f"width_std_{name}_rad"] = axis.width_std
-        told["latency_off_s"] = -memory.shift_s
-        told["latency_std_s"] = memory.shift_std_s
+        told["latency_off_s"] = -model.shift
+        told["latency_std_s"] = model.shift_std_s
+        told["capstan"] = float(model.believed)
         told["predictor"] = float(memory.bank.chosen)
         told["cautious"] = float(memory.cautious)
         return told
@@ -198,23 +178,25 @@ class Predictive:
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Follow, learn, predict, aim; hold where the target is lost. See `Controller.update`."""
         memory, settings = self.memory, self._settings
-        self._follow(state)
+        memory.model.follow(state)
+        memory.rate = hypot(*state.velocity)
         if observation is not None:
             memory.lost = observation.status is Status.LOST
             if observation.status is Status.TRACKING:
                 self._take(t, observation)
         if t - memory.identified >= settings.identify_every_s and len(memory.seen) >= MIN_FRAMES:
             memory.identified = t
-            self._identify()
+            if memory.model.identify(np.array(memory.seen), settings.damping):
+                memory.known = memory.turned >= MIN_TURNS
+                self._tell_again()
+        if settings.capstan and memory.known and memory.model.look_for_capstan(memory.seen):
+            self._tell_again()
         if memory.bank.t is None or memory.lost:
             return Command(position=memory.held)
         self._want(t)
         assert memory.wanted is not None
-        handles = [
-            min(max(_model(axis).handle_for(want), -pi), pi)
-            for axis, want in zip(memory.axes, memory.wanted, strict=True)
-        ]
-        memory.held = handles[0], handles[1]
+        one, other = memory.model.handles_for(memory.wanted)
+        memory.held = min(max(one, -pi), pi), min(max(other, -pi), pi)
         self._count_turns(t)
         droop = []
         for old, goal, place, rate in zip(
@@ -252,23 +234,7 @@ class Predictive:
         if settings.harmonic or len(movers) > 1:
             movers.insert(0, Mover(settings.walk_density, still=True))
         bank = Bank(movers, Harmonic() if settings.harmonic else None)
-        one, other = (AxisMemory(places=[h] * len(RADII)) for h in handles)
-        return PredictiveMemory(bank, axes=(one, other), held=handles, extremes=handles)
-
-    def _follow(self, state: State) -> None:
-        """Run the model on the measured handles."""
-        memory = self.memory
-        if memory.times and state.t <= memory.times[-1]:
-            return
-        places = []
-        for axis, handle in zip(memory.axes, state.position, strict=True):
-            _model(axis).follow(handle)
-            places.append(list(axis.places))
-        memory.rate = hypot(*state.velocity)
-        memory.times.append(state.t)
-        memory.plays.append(places)
-        if memory.times[0] < state.t - online_hysteresis.WINDOW_S - 2.0:
-            del memory.times[:50], memory.plays[:50]
+        return PredictiveMemory(bank, model=started(handles), held=handles, extremes=handles)
 
     def _take(self, t: float, observation: Observation) -> None:
         """Work out where the target was."""
@@ -276,13 +242,15 @@ class Predictive:
         if isfinite(observation.distance_m):
             memory.distance_m = observation.distance_m
         depth = memory.distance_m or settings.target_distance_m
-        exposed = observation.t_capture + memory.shift_s
-        bend = self._bend_at(exposed)
+        exposed = observation.t_capture + memory.model.shift
+        bend = memory.model.bend_at(exposed)
         position, rotation = kinematics.forward(self._geometry, bend)
         ray = camera_model.ray(self._calibration, observation.target_px)
         place = kinematics.aim(self._geometry, position + rotation @ (depth * ray))
         off = place[0] - bend[0], place[1] - bend[1]
         memory.seen.append((observation.t_capture, *off))
+        turned = memory.model.turned(off)
+        place = bend[0] + turned[0], bend[1] + turned[1]
         memory.off_rad = hypot(*off)
         while memory.seen[0][0] < t - online_hysteresis.WINDOW_S:
             del memory.seen[0]
@@ -290,19 +258,6 @@ class Predictive:
         late = settings.latency_uncertainty_s * memory.rate * BEND_PER_HANDLE
         horizon_s = t - exposed + settings.lead_s
         memory.bank.update(exposed, place, noise**2 + late**2, horizon_s)
-
-    def _bend_at(self, t: float) -> Pair:
-        """Bend of the model at a past time [rad]."""
-        times, plays = self.memory.times, self.memory.plays
-        n = int(np.clip(np.searchsorted(times, t), 1, max(len(times) - 1, 1)))
-        before, after = plays[n - 1], plays[min(n, len(plays) - 1)]
-        step = times[min(n, len(times) - 1)] - times[n - 1]
-        share = min(max((t - times[n - 1]) / step, 0.0), 1.0) if step else 0.0
-        one, other = (
-            sum(w * (a + share * (b - a)) for w, a, b in zip(axis.weights, p, q, strict=True))
-            for axis, p, q in zip(self.memory.axes, before, after, strict=True)
-        )
-        return one, other
 
     def _want(self, t: float) -> None:
         """Predict, and let the wanted bend follow behind the reference play."""
@@ -317,43 +272,14 @@ class Predictive:
         one, other = (min(max(w, a - reach), a + reach) for w, a in zip(before, aim, strict=True))
         memory.wanted = one, other
 
-    def _identify(self) -> None:
-        """Identify weights and latency, and tell the target's past again with them."""
-        memory, settings = self.memory, self._settings
-        seen = np.array(memory.seen)
-        seen = seen[seen[:, 0] > memory.times[0] + 0.2]
-        if len(seen) < MIN_FRAMES:
-            return
-        times, plays = np.array(memory.times), np.array(memory.plays)
-        found = online_hysteresis.identify(
-            seen[:, 0], seen[:, 1:], times, plays, np.array(PRIOR), np.array(RADII), memory.shift_s
-        )
-        if found is None:
-            return
-        memory.known = memory.turned >= MIN_TURNS
-        memory.shift_s += 0.3 * (found.shift_s - memory.shift_s)
-        memory.shift_std_s = found.shift_std_s
-        for axis, weights, std in zip(memory.axes, found.weights, found.width_std, strict=True):
-            if weights is not None:
-                old = np.array(axis.weights)
-                axis.weights = (old + settings.damping * (weights - old)).tolist()
-                axis.width_std = std
-        moments = seen[:, 0] + memory.shift_s
-        past: list[Vector] = []
-        for n, axis in enumerate(memory.axes):
-            bend = np.interp(moments, times, plays[:, n] @ np.array(axis.weights))
-            past.append(bend + seen[:, 1 + n])
-        noise = settings.noise_px / self._calibration.focal_px
-        places = list(zip(past[0].tolist(), past[1].tolist(), strict=True))
+    def _tell_again(self) -> None:
+        """Tell the target's past again with the model as it is now."""
+        memory = self.memory
+        t, *off = np.array([one for one in memory.seen if one[0] > memory.model.since]).T
+        moments = t + memory.model.shift
+        one, other = memory.model.turned((off[0], off[1]))
+        past = memory.model.course(moments) + np.column_stack([one, other])
+        noise = self._settings.noise_px / self._calibration.focal_px
+        places = [(float(x), float(y)) for x, y in past]
         memory.bank.rewrite(moments.tolist(), places, noise**2)
-        one, other = (_model(axis).bend_rad for axis in memory.axes)
-        memory.wanted = one, other  # the reference play stands where the new model is
-
-
-def _model(axis: AxisMemory) -> Hysteresis:
-    return Hysteresis(Plays(radii=RADII, weights=tuple(axis.weights)), axis.places)
-
-
-def _width(weights: list[float]) -> float:
-    """Mean full width of a loop [rad]."""
-    return 2 * sum(w * r for w, r in zip(weights, RADII, strict=True)) / max(sum(weights), 1e-6)
+        memory.wanted = memory.model.bend  # the reference play stands where the new model is

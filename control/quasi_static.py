@@ -29,6 +29,8 @@ from endolock.hw.api import ConfigError, Vector
 
 TOLERANCE_RAD = 1e-9
 """Error of a bend [rad], far below any noise."""
+FLAT = 1e-3
+"""Slope that is taken where a handle moves no wire [1]: far below any other, and not 0."""
 SHEATH_GIVE_RAD = 0.02
 """Bend by which a sheath gives before it slides [rad]. Assumed, as the twin's."""
 
@@ -85,7 +87,16 @@ class Axis:
         of the other one."""
         near, far = _springs(cable.wrap_friction, 0.0)
         self._nodes = [min(0.0, cable.slack_m) * near / (near + far)] * 4  # both springs pull alike
-        self._yielded = self._step_rad = 0.0
+        self._yielded = self._step_rad = self._handle_rad = 0.0
+
+    @property
+    def state(self) -> list[float]:
+        """All that it remembers, but for the tensions; setting it goes on from there."""
+        return [self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes]
+
+    @state.setter
+    def state(self, values: Sequence[float]) -> None:
+        self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes = values
 
     def follow(
         self, handle_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
@@ -98,26 +109,18 @@ class Axis:
                 under tension, help it.
             other_bend_rad: present bend of the other axis [rad].
         """
-        made, geometry = self._cable, self._geometry
-        b = made.section_friction * hypot(self.bend_rad + self._step_rad, other_bend_rad)
-        near, far = _springs(made.wrap_friction, b)
-        k_p, k_w = made.stiffness / near, made.stiffness / far
-        up = exp(made.wrap_friction + b)
-        ratios = (k_w * up / k_p, k_w / up / k_p)
-        n, r = geometry.hinges / 2, geometry.wire_radius_m
-        h = geometry.bending_length_m / geometry.hinges
-        free = geometry.bending_length_m + made.slack_m
-        own_travel = geometry.pulley_radius_m * handle_rad
-        other_travel = geometry.pulley_radius_m * other_handle_rad
-        half = other_bend_rad / n / 2
-        along, across = n * h * cos(half) - free, n * 2 * r * sin(half)
+        made = self._cable
+        k_p, k_w, ratios = self._stiffness(self.bend_rad + self._step_rad, other_bend_rad)
+        own_travel = self._geometry.pulley_radius_m * handle_rad
+        other_travel = self._geometry.pulley_radius_m * other_handle_rad
+        across, along = self._crossing(other_bend_rad)
 
         def wires(bend: float) -> Iterator[tuple[float, float, float]]:
             """Travel, gap and lever of each wire at a bend, those of the axis first."""
-            c, s = cos(bend / n / 2), sin(bend / n / 2)
-            gap, side, lever = n * h * c + along, n * 2 * r * s, h / 2 * s
-            yield own_travel, gap - side, lever + r * c
-            yield -own_travel, gap + side, lever - r * c
+            middle, side, lever, arm = self._lengths(bend)
+            gap = middle + along
+            yield own_travel, gap - side, lever + arm
+            yield -own_travel, gap + side, lever - arm
             yield other_travel, gap - across, lever
             yield -other_travel, gap + across, lever
 
@@ -139,6 +142,7 @@ class Axis:
             return missing, slope
 
         bend = _root(balance, self.bend_rad)
+        self._handle_rad = handle_rad
         self._step_rad, self.bend_rad = bend - self.bend_rad, bend
         give = bend - self._yielded
         if abs(give) > SHEATH_GIVE_RAD:
@@ -150,6 +154,95 @@ class Axis:
             tensions.append(k_p * max(0.0, travel - x))
         self.tensions = (tensions[0], tensions[1])
         return bend
+
+    def handle_for(
+        self, bend_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
+    ) -> float:
+        """Handle angle that would bring about a bend from here, without going there [rad].
+
+        Args:
+            bend_rad: wanted bend [rad], another one than the present: in between, where nothing
+                moves, there are many.
+            other_handle_rad: as for `follow`.
+            other_bend_rad: as for `follow`.
+        """
+        made = self._cable
+        _, k_w, ratios = self._stiffness(bend_rad, other_bend_rad)
+        across, along = self._crossing(other_bend_rad)
+        middle, side, lever, arm = self._lengths(bend_rad)
+        gap, radius = middle + along, self._geometry.pulley_radius_m
+        sheath = (bend_rad - self._yielded) * made.sheath / SHEATH_GIVE_RAD
+        fixed = bend_rad + min(max(sheath, -made.sheath), made.sheath)
+        other_travel = radius * other_handle_rad
+        for node, travel, away in (
+            (self._nodes[2], other_travel, gap - across),
+            (self._nodes[3], -other_travel, gap + across),
+        ):
+            x, _ = _slide(node, travel, away, ratios)
+            fixed -= k_w * max(0.0, x + away) * lever
+        own = (
+            (self._nodes[0], radius, gap - side, lever + arm),
+            (self._nodes[1], -radius, gap + side, lever - arm),
+        )
+
+        def balance(handle: float) -> tuple[float, float]:
+            """Moment in excess at a handle angle, and its slope."""
+            excess, slope = -fixed, 0.0
+            for node, per_rad, away, arm in own:
+                x, sliding = _slide(node, per_rad * handle, away, ratios)
+                if x + away <= 0:
+                    continue
+                excess += k_w * (x + away) * arm
+                if sliding is not None:
+                    slope += k_w * arm * per_rad / (1 + sliding)
+            return excess, max(slope, FLAT)
+
+        return _root(balance, self._handle_rad)
+
+    def _stiffness(
+        self, bend_rad: float, other_bend_rad: float
+    ) -> tuple[float, float, tuple[float, float]]:
+        """Stiffness on either side of the nodes, and k_w e^(+-S)/k_p."""
+        made = self._cable
+        b = made.section_friction * hypot(bend_rad, other_bend_rad)
+        near, far = _springs(made.wrap_friction, b)
+        k_p, k_w = made.stiffness / near, made.stiffness / far
+        up = exp(made.wrap_friction + b)
+        return k_p, k_w, (k_w * up / k_p, k_w / up / k_p)
+
+    def _lengths(self, bend: float) -> tuple[float, float, float, float]:
+        """Length of the middle line less nothing, what wires gain by side, and the two levers."""
+        geometry = self._geometry
+        n, r = geometry.hinges / 2, geometry.wire_radius_m
+        h = geometry.bending_length_m / geometry.hinges
+        c, s = cos(bend / n / 2), sin(bend / n / 2)
+        return n * h * c, n * 2 * r * s, h / 2 * s, r * c
+
+    def _crossing(self, other_bend: float) -> tuple[float, float]:
+        """What the other axis' bend adds to its own wires by side, and to all wires."""
+        middle, side, _, _ = self._lengths(other_bend)
+        return side, middle - self._geometry.bending_length_m - self._cable.slack_m
+
+
+def thin(handle: Vector, step_rad: float) -> list[int]:
+    """Choose samples a step of handle travel apart, and those where the handle turns.
+
+    Args:
+        handle: handle angles [rad], m.
+        step_rad: travel between two of them [rad]; smaller turns than a quarter are noise.
+    """
+    kept, farthest = [0], 0
+    for k, angle in enumerate(handle.tolist()):
+        last, far = handle[kept[-1]], handle[farthest]
+        if abs(angle - far) >= step_rad / 4 and (angle - far) * (far - last) < 0:
+            kept.append(farthest)
+            last, farthest = far, k
+        if abs(angle - last) >= step_rad:
+            kept.append(k)
+            farthest = k
+        elif abs(angle - last) >= abs(handle[farthest] - last):
+            farthest = k
+    return kept
 
 
 def simulate(

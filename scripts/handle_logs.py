@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from endolock.control.identification import STEP_RAD, Log, thin
+from endolock.control.identification import STEP_RAD, Log
+from endolock.control.quasi_static import thin
 from endolock.hw.api import AXES, ConfigError, Pose, Vector
 from endolock.scripts import recorder
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endolock.control.identification import Fit, Log, fit, thin
-from endolock.control.quasi_static import Geometry
+from endolock.control.identification import Fit, Log, fit
+from endolock.control.quasi_static import Geometry, thin
 from endolock.hw.api import Vector
 from endolock.scripts.checks import still, turn
 from endolock.scripts.foreign_plants import bouc_wen, prandtl_ishlinskii

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from endolock.control import laws, loop, metrics, online_hysteresis
 from endolock.control.hysteresis import ONE_PLAY, Plays, play
+from endolock.control.internal_model import PRIOR, RADII
 from endolock.control.prediction import Bank, Harmonic, Mover
-from endolock.control.predictive import PRIOR, RADII, Predictive
+from endolock.control.predictive import Predictive
 from endolock.scripts import rigs
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument
