@@ -35,8 +35,11 @@ LEAD_S = 3.0
 """A window's first frames tell nothing of a capstan: its past is guessed."""
 BETTER, WORSE = 1.2, 2.5
 """The capstan is believed once it leaves no more than so many times what the plays leave, and until
-it leaves so many times as much: with less than half their parameters it may leave a little more.
-Source: tuned on the default instrument."""
+it leaves so many times as much: with half their parameters it may leave a little more.
+Source: tuned on the default instrument, like what follows."""
+SMALL_RAD, LARGE_RAD = 0.01, 0.02
+"""What leaves less is never given up, and what leaves more is not begun with: where the target
+moves too quickly for the splines, nothing can be told [rad]."""
 STEPS, LONG_S = 3, 18.0
 """So many steps, the last on so long a window, are needed before that [1, s]. Assumed."""
 CATCH_UP = 12
@@ -251,7 +254,9 @@ class InternalModel:
 
     def _choose(self) -> bool:
         """Believe the capstan or the plays; return whether that is new."""
-        limit = (WORSE if self.believed else BETTER) * self.misfit_rad
+        limit = max(WORSE * self.misfit_rad, SMALL_RAD)
+        if not self.believed:
+            limit = min(BETTER * self.misfit_rad, LARGE_RAD)
         ready = len(self.bends) > 0 and self.search.steps >= STEPS
         long = ready and self.times[-1] - self.times[-len(self.bends)] > LONG_S
         before, self.believed = self.believed, long and self.search.misfit_rad < limit

@@ -31,14 +31,15 @@ START = (0.5, 0.15, log(8e4), -2e-3, 0.0, 0.0)
 WIDTH = (0.3, 0.1, 0.3, 2e-3, 0.1, 0.1)
 """Where the search begins and how far it may go, standard deviations: mu Theta, mu_b, log of k/K
 [1/m2], slack [m], turn of the video [rad], its shift [s]. Assumed: a common endoscope."""
-LOW = (0.02, 0.0, log(3e4), -0.02, -0.3, -0.3)
+LOW = (0.02, 0.0, log(4e4), -0.02, -0.3, -0.3)
 HIGH = (2.0, 0.6, log(2e5), 0.005, 0.3, 0.3)
 CABLE = 4
 """So many of them are the cable's; the others need no model of their own."""
 DELTA = (0.02, 0.02, 0.05, 1e-4, 1e-3, 2e-3)
 """Steps for the derivatives."""
-ERROR_RAD = 0.004
-"""s, what the model may be off [rad]: a pixel. Assumed."""
+ERROR_RAD = 0.02
+"""s, what the model may be off [rad]: five pixels, though it is off by one, because neighbouring
+frames err alike. Source: tuned on the default instrument."""
 SHEATH = 0.01
 """Dry friction of the sheath over K [rad]: hardly ever told by a log (docs/identify.md)."""
 STEP_RAD, MOST = 0.02, 350

@@ -29,13 +29,14 @@ LEAST_S = 4.0
 REFIT_S = 0.5
 POINTS = 250
 """Most places that are fitted; of more, every second, third, ... is taken."""
-MEMORY_S = 4.0
-"""Time constant with which past errors are forgotten [s]. Assumed: half a stroke."""
-CLEARLY = 0.75
+MEMORY_S = 1.5
+"""Time constant with which past errors are forgotten [s]. Source: tuned on the default instrument."""
+CLEARLY = 0.9
 """Another predictor is chosen where its mean squared error is below this share of the present
 one's: a guard against switching to and fro."""
-SURE = 25
-"""A predictor is chosen after so many comparisons: a second."""
+SURE, SURE_AGAIN = 25, 50
+"""A predictor is chosen after so many comparisons, one or two seconds: when the tip's motion begins
+to be known, and when another model of it is believed."""
 AS_GOOD = 1.5
 """A period is as good as the best if what it leaves is at most so many times as much: of a period
 and its multiples, which explain as much, the shortest is meant."""
@@ -170,6 +171,8 @@ class Bank:
     """Mean squared error of each [rad2]."""
     judged: list[int] = field(default_factory=list)
     """How often each was."""
+    wait: int = SURE
+    """So often they must have been before there is a choice."""
     said: list[tuple[float, list[Pair | None]]] = field(default_factory=list)
     """What each said, with the time that it said it of."""
     t: float | None = None
@@ -204,13 +207,18 @@ class Bank:
             self.harmonic.update(t, seen)
         self.said.append((t + horizon_s, self.all_at(t + horizon_s)))
         best = int(np.argmin(self.errors))
-        if self.judged[best] < SURE:
+        if self.judged[best] < self.wait:
             return
         if self.errors[best] < CLEARLY * self.errors[self.chosen]:
             self.chosen = best
 
+    def forget(self, wait: int) -> None:
+        """Leave the choice as it is until each was judged so often anew."""
+        self.judged, self.wait = [], wait
+
     def rewrite(self, times: list[float], places: list[Pair], variance: float) -> None:
         """Replace the past: the same frames, as a better model of the tip tells them."""
+        self.said = []  # by another model
         for one in self.movers:
             one.t = None
             for t, place in zip(times[-RECENT:], places[-RECENT:], strict=True):

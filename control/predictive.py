@@ -26,7 +26,7 @@ import numpy as np
 from endolock.control import kinematics, online_hysteresis
 from endolock.control.internal_model import MIN_FRAMES, InternalModel, started
 from endolock.control.kinematics import Pair, SectionGeometry
-from endolock.control.prediction import Bank, Harmonic, Mover
+from endolock.control.prediction import SURE, SURE_AGAIN, Bank, Harmonic, Mover
 from endolock.control.process import BEND_PER_HANDLE, LAG_S
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision import camera_model
@@ -187,10 +187,16 @@ class Predictive:
         if t - memory.identified >= settings.identify_every_s and len(memory.seen) >= MIN_FRAMES:
             memory.identified = t
             if memory.model.identify(np.array(memory.seen), settings.damping):
+                if not memory.known:
+                    memory.bank.forget(SURE)  # what was said without a model says nothing
                 memory.known = memory.turned >= MIN_TURNS
                 self._tell_again()
-        if settings.capstan and memory.known and memory.model.look_for_capstan(memory.seen):
-            self._tell_again()
+        if settings.capstan and memory.known:
+            believed = memory.model.believed
+            if memory.model.look_for_capstan(memory.seen):
+                self._tell_again()
+            if memory.model.believed is not believed:
+                memory.bank.forget(SURE_AGAIN)
         if memory.bank.t is None or memory.lost:
             return Command(position=memory.held)
         self._want(t)
