@@ -49,6 +49,11 @@ class Found(NamedTuple):
     """What is left, rms of both axes together [rad]."""
 
 
+def prepare() -> None:
+    """Load what `identify` needs: half a second, which no tick may take."""
+    import scipy.optimize  # noqa: F401
+
+
 def identify(
     t: Vector,
     seen: Vector,
@@ -107,7 +112,7 @@ def _fit(
     columns: Vector, seen: Vector, basis: Vector, prior: Vector
 ) -> tuple[Vector, float, Vector]:
     """Weights of one axis, mean squared misfit [rad2], and the weights' covariance."""
-    from scipy.optimize import nnls  # half a second to load
+    from scipy.optimize import nnls  # see prepare
 
     count, k = columns.shape
     free = columns - basis @ (basis.T @ columns)

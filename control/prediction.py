@@ -30,7 +30,7 @@ REFIT_S = 0.5
 POINTS = 250
 """Most places that are fitted; of more, every second, third, ... is taken."""
 MEMORY_S = 1.5
-"""Time constant with which past errors are forgotten [s]. Source: tuned on the default instrument."""
+"""Time constant with which past errors are forgotten [s]. Source: tuned on the default twin."""
 CLEARLY = 0.9
 """Another predictor is chosen where its mean squared error is below this share of the present
 one's: a guard against switching to and fro."""

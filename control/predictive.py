@@ -1,19 +1,19 @@
 """The predictive lock: when was it seen, where was the tip then, where will the target be.
 
-1. A hysteresis model of weighted plays runs forward on the measured handles.
+1. A model of the transmission runs forward on the measured handles.
 2. A frame tells by how much the target lay off the axis at its exposure; added to the bend that the
    model had then, this is where the target was, in bend angles, whatever the latency.
 3. Predictors carry it over the latency and the lag of servo and tip.
 4. The model's inverse, behind a small reference play, turns the wanted bend into a handle angle.
-5. The model begins with almost no hysteresis. Every two seconds weights and latency are identified
-   anew, and the target's past is told again with them.
+5. The model begins with almost no hysteresis. It is identified all the time, the latency with it,
+   and the target's past is told again with what was found.
 6. Where the handles turn back too often, the law becomes cautious: it turns back only for more.
 
 It needs neither a known latency nor a known width, nothing but what a bench knows.
 
 Reference:
-    The parts: control/hysteresis.py, control/prediction.py, control/online_hysteresis.py. Relating
-    frames to the robot at their exposure: P. I. Corke, Visual Control of Robots, 1996.
+    The parts: control/internal_model.py and control/prediction.py. Relating frames to the robot at
+    their exposure: P. I. Corke, Visual Control of Robots, 1996.
 """
 
 from __future__ import annotations
@@ -150,6 +150,7 @@ class Predictive:
         self._calibration = calibration
         self._settings = settings or PredictiveSettings()
         self._geometry = geometry or SectionGeometry()
+        online_hysteresis.prepare()
         self.memory = self._fresh((0.0, 0.0))
 
     @property

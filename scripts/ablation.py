@@ -16,6 +16,7 @@ WITHOUT: dict[str, tuple[str, tuple[str, ...]]] = {
     "harmonic predictor": ("predictive_bank", ("law.harmonic=false",)),
     "bank: one quick predictor": ("predictive", ()),
     "identification, and so prediction": ("predictive_bank", (NEVER,)),
+    "capstan model": ("predictive_bank", ("law.capstan=false",)),
     "damped renewal of the weights": ("predictive_bank", ("law.damping=1.0",)),
     "reference play": ("predictive_bank", ("law.reversal_rad=0.0",)),
     "trust by handle speed": ("predictive_bank", ("law.latency_uncertainty_s=0.0",)),

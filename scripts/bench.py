@@ -24,15 +24,14 @@ from rich.console import Console
 from rich.table import Table
 
 from endolock.control import laws, loop
-from endolock.control.loop import Controller, Seen
-from endolock.hw.api import Command, Frame, State
-from endolock.scripts import hysteresis, identify, output, recorder, rigs, run
+from endolock.control.loop import Seen
+from endolock.hw.api import Command, Frame
+from endolock.scripts import hysteresis, identify, output, recorder, rigs, run, tick_times
 from endolock.twin import camera, scene
 from endolock.twin.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
 from endolock.vision.markers import MarkerEyes
-from endolock.vision.observation import Observation
 from endolock.vision.track import HALF_PX
 from endolock.vision.tracker import Tracker
 from endolock.vision.truth import TruthEyes
@@ -67,7 +66,8 @@ def main(request: Request) -> int:
             ("vision", vision),
             ("pipeline", pipeline),
             ("surrogate", surrogate),
-            ("control", control),
+            ("control", tick_times.mean),
+            ("control_p99", tick_times.p99),
             ("log", log),
             ("protocols", protocols),
             ("env", env),
@@ -178,32 +178,6 @@ def surrogate() -> dict[str, float]:
 
     rig_s, loop_s = _times(driven, locked)
     return {"rig_rtf": RUN_S / rig_s, "loop_rtf": RUN_S / loop_s}
-
-
-def control() -> dict[str, float]:
-    """One tick of each law [ms]."""
-    with TwinRig("straight", pictures=False) as rig:
-        state = rig.actuators.enable()
-        frame, eyes = _frame_and_eyes()
-        observation = eyes(frame)
-        result = {}
-        for name in laws.LAWS:
-            settings = laws.configure(name, known={"period_s": 8.6})
-            law = laws.make(name, rig.camera.calibration, settings, rig.truth)
-            law.reset(state)
-            result[name] = 10 * _ticks_s(law, state, observation)
-    return result
-
-
-def _ticks_s(law: Controller, state: State, observation: Observation) -> float:
-    """Time of a hundred ticks [s]."""
-
-    def hundred() -> None:
-        for n in range(100):
-            law.update(0.02 * n, state, observation)
-
-    (taken,) = _times(hundred)
-    return taken
 
 
 def log() -> dict[str, float]:

@@ -26,6 +26,7 @@ from endolock.scripts import (
     hysteresis,
     hysteresis_figure,
     identify,
+    internal_models,
     questions,
     run,
     strip,
@@ -87,6 +88,7 @@ def main(_args: list[str]) -> int:
         text = guide.read_text(encoding="utf-8")
         text = _between(text, "ensemble", ensemble.table(("pi_simc", "predictive_bank")))
         text = _between(text, "ablation", ablation.table())
+        text = _between(text, "models", internal_models.table())
         guide.write_text(text, encoding="utf-8")
     with console.status("running the benchmark of laws, some minutes"):
         (ROOT / "docs" / "benchmark.md").write_text(benchmark.page(), encoding="utf-8")

@@ -37,9 +37,10 @@ def record(name: str, place: Path, vision: str = "truth", **changes: Any) -> dic
     ],
 )
 def test_with_pictures_and_markers(name: str, gates: dict[str, float], tmp_path: Path) -> None:
-    error = record(name, tmp_path, "markers")["error_px"]
+    told = record(name, tmp_path, "markers")
     for what, most in gates.items():
-        assert error[what] <= most, what
+        assert told["error_px"][what] <= most, what
+    assert told["time_to_lock_s"] <= 15.0  # from a cold start
 
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
@@ -64,6 +65,18 @@ def test_twice_the_latency_is_better_than_a_tuned_pi_without_any(tmp_path: Path)
     late = record("straight", tmp_path / "late", latency_s=0.8)
     prompt = record("straight", tmp_path / "prompt", law="pi_simc", latency_s=0.0)
     assert late["error_px"]["rms"] < prompt["error_px"]["rms"]
+
+
+def test_close_by_it_stays_locked(tmp_path: Path) -> None:
+    told = record("close", tmp_path)
+    assert told["error_px"]["rms"] <= 15.0
+    assert told["lost_fraction"] == 0.0
+
+
+def test_at_rest_it_rests(tmp_path: Path) -> None:
+    told = record("rest", tmp_path, "markers")
+    assert told["error_px"]["rms"] <= 1.0
+    assert told["handle"]["reversals_per_s"] <= 0.5
 
 
 @pytest.mark.parametrize("name", ["close", "push", "breathing", "shaft_loop", "jump", "roll"])
