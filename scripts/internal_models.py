@@ -93,10 +93,11 @@ def _log(name: str) -> tuple[Log, Vector, float]:
 def _fitted_plays(log: Log, radii: tuple[float, ...]) -> Vector:
     columns = []
     for handle, bend in zip(log.handle.T, log.bend.T, strict=True):
-        if np.ptp(handle) < EXCITED_RAD:
+        moved = [r for r in radii if np.ptp(hysteresis.play(handle, r)) > 0]
+        if np.ptp(handle) < EXCITED_RAD or not moved:  # this axis rests
             columns.append(np.zeros(len(handle)))
             continue
-        plays, _ = hysteresis.fit(handle, bend, radii)
+        plays, _ = hysteresis.fit(handle, bend, moved)
         columns.append(_forward(plays, handle))
     return np.column_stack(columns)
 
