@@ -22,7 +22,6 @@ from endolock.control.hysteresis import Plays
 from endolock.control.identification import Log
 from endolock.control.internal_model import RADII
 from endolock.control.kinematics import SectionGeometry
-from endolock.control.online_hysteresis import EXCITED_RAD
 from endolock.control.process import image_gain
 from endolock.control.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import AXES, Vector
@@ -34,6 +33,8 @@ SCENARIOS = ("straight", "circle", "triangle", "random")
 LAW = "predictive_bank"
 DURATION_S = 100.0
 SHAFT_RAD = pi  # as in these scenarios
+RESTS_RAD = 1e-3
+"""An axis that moved by less rests [rad]: a third of a pixel."""
 
 
 def table() -> str:
@@ -60,10 +61,10 @@ def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:
             (_fitted_plays(log, (r,)) for r in RADII[:5]),  # wider ones hardly move
             key=lambda bend: float((bend - log.bend).var(axis=0).sum()),
         ),
-        "plays, weights as the lock found them": lambda: own,
         "plays, best weights for all of it": lambda: _fitted_plays(log, RADII),
         "capstan, parameters known": lambda: _capstan(log, known),
         "capstan, fitted to the first half": lambda: _capstan(log, _fitted_cable(log)),
+        "what the lock believed at the time": lambda: own,
     }
 
 
@@ -93,11 +94,10 @@ def _log(name: str) -> tuple[Log, Vector, float]:
 def _fitted_plays(log: Log, radii: tuple[float, ...]) -> Vector:
     columns = []
     for handle, bend in zip(log.handle.T, log.bend.T, strict=True):
-        moved = [r for r in radii if np.ptp(hysteresis.play(handle, r)) > 0]
-        if np.ptp(handle) < EXCITED_RAD or not moved:  # this axis rests
+        if np.ptp(bend) < RESTS_RAD:
             columns.append(np.zeros(len(handle)))
             continue
-        plays, _ = hysteresis.fit(handle, bend, moved)
+        plays, _ = hysteresis.fit(handle, bend, radii)
         columns.append(_forward(plays, handle))
     return np.column_stack(columns)
 
