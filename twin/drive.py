@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from endolock.hw.api import AXES, Clock, Limits
@@ -42,22 +44,23 @@ class TwinDrive:
         if goal is not None:
             data.ctrl[self._motor] = np.add(self.quantise(goal), self._zero)
         position = data.qpos[self._position] - self._zero
+        instrument = self._plant.instrument
         powered = data.actuator_force[self._motor] if self._on else np.zeros(len(AXES))
-        current = powered / self._plant.instrument.torque_constant
+        current = powered / instrument.torque_constant
         t = self.clock.now()
         return Reading(
             t=t,
             t_err=0.0,
-            position=self.quantise(tuple(position.tolist())),
-            velocity=tuple(data.qvel[self._velocity].tolist()),
-            current=tuple(current.tolist()),
+            position=_rounded(position, self._step),
+            velocity=_rounded(data.qvel[self._velocity], instrument.speed_step_rad_s),
+            current=_rounded(current, instrument.current_step_a),
             fresh=True,
             device_tick=round(t * 1000),
         )
 
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
         """Return the nearest encoder position [rad]."""
-        return tuple(round(g / self._step) * self._step for g in goal)
+        return _rounded(goal, self._step)
 
     def torque(self, on: bool) -> None:
         """Switch torque on or off; it comes on with the servo's ramp at the present position."""
@@ -68,7 +71,7 @@ class TwinDrive:
 
     def zero(self) -> None:
         """Make the present position the zero of both axes."""
-        x, y = self.quantise(tuple(self._plant.data.qpos[self._position].tolist()))
+        x, y = _rounded(self._plant.data.qpos[self._position], self._step)
         self._count_from((x, y))
 
     def close(self) -> None:
@@ -91,3 +94,8 @@ class TwinDrive:
         self._on = on
         kp = self._plant.instrument.handle_kp if on else 0.0
         self._plant.model.actuator_biasprm[self._motor, 1] = -kp
+
+
+def _rounded(values: Iterable[float], step: float) -> tuple[float, ...]:
+    """Return the nearest whole steps."""
+    return tuple(round(float(value) / step) * step for value in values)

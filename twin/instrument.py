@@ -90,6 +90,10 @@ class Instrument:
     XM430-W350: stall 4.1 N m at 2.3 A."""
     encoder_step_rad: float = 0.0015339807878856412
     """Handle position resolution [rad], > 0. Data sheet of the same servo: 4096 counts a turn."""
+    speed_step_rad_s: float = 0.023980823922402087
+    """Handle speed resolution [rad/s], > 0. Data sheet of the same servo: 0.229 rpm."""
+    current_step_a: float = 2.69e-3
+    """Motor current resolution [A], > 0. Data sheet of the same servo."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
