@@ -33,8 +33,8 @@ SCENARIOS = ("straight", "circle", "triangle", "random")
 LAW = "predictive_bank"
 DURATION_S = 100.0
 SHAFT_RAD = pi  # as in these scenarios
-RESTS_RAD = 1e-3
-"""An axis that moved by less rests [rad]: a third of a pixel."""
+RESTS_RAD = 0.05
+"""An axis that moved by less rests, as far as a model of it goes [rad]: 3 deg."""
 
 
 def table() -> str:
