@@ -57,8 +57,26 @@ class CommandError(HardwareError, ValueError):
     """A command has the wrong shape or is not finite; the previous goal stays."""
 
 
-class LinkLost(HardwareError, ConnectionError):
+class LinkError(HardwareError, ConnectionError):
+    """The line to the handles cannot be used."""
+
+
+class PortBusy(LinkError):
+    """Another program holds the port."""
+
+
+class PortGone(LinkError):
+    """The port is not there, or was unplugged; latched until `clear_fault()`."""
+
+
+class LinkLost(LinkError):
     """No fresh state came within the allowed age; latched until `clear_fault()`."""
+
+
+Fault = Literal[
+    "watchdog", "overload", "overheat", "voltage", "encoder", "following", "estop", "reset"
+]
+"""What a device or its guard may stop for."""
 
 
 class DeviceFault(HardwareError):
@@ -66,12 +84,13 @@ class DeviceFault(HardwareError):
 
     Args:
         message: what happened and what to do next.
-        kind: what tripped, for example "following".
+        kind: what tripped: watchdog, overload, overheat, voltage, encoder, following, estop or
+            reset.
         t: clock time of the event [s].
         axis: name of the axis concerned, where there is one.
     """
 
-    def __init__(self, message: str, *, kind: str, t: float, axis: str | None = None) -> None:
+    def __init__(self, message: str, *, kind: Fault, t: float, axis: str | None = None) -> None:
         super().__init__(message, t=t, axis=axis)
         self.kind = kind
 

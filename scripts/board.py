@@ -17,11 +17,11 @@ import tyro
 from rich.console import Console
 
 import endolock
+from endolock.hw import boards
 from endolock.hw.api import ConfigError
+from endolock.hw.boards import Print
 from endolock.scripts import board_svg
-from endolock.twin import board as boards
 from endolock.twin import scenario as scenarios
-from endolock.twin.board import Print
 from endolock.twin.course import Course
 from endolock.twin.scenario import Scenario
 
@@ -109,7 +109,7 @@ def page(scenario: Scenario, kind: str) -> str:
     for mark, value in {
         "@TITLE@": html.escape(f"{scenario.name}, board {kind}"),
         "@BOX@": f"{-half:g} {-half:g} {2 * half:g} {2 * half:g}",
-        "@BOARD@": board_svg.drawing(board),
+        "@BOARD@": board_svg.elements(board),
         "@DATA@": json.dumps(record, allow_nan=False).replace("<", "\\u003c"),
     }.items():
         text = text.replace(mark, value)

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Image
-from endolock.twin import board as boards
-from endolock.twin.board import Patch, Print
+from endolock.hw.boards import Patch, Print
+from endolock.twin import drawing
 
 MODULES = 6
 """Of a marker's side, black border included."""
@@ -32,7 +32,7 @@ def sheet(board: Print) -> str:
     ends = " ".join(f"M{x:g} {y - 2:g}v4" for x in (-RULER_MM / 2, RULER_MM / 2))
     return f"""<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" \
 viewBox="{low:g} {low:g} {width:g} {height:g}">
-{drawing(board)}
+{elements(board)}
 <rect id="cut" x="{-side / 2:g}" y="{-side / 2:g}" width="{side:g}" height="{side:g}" \
 fill="none" stroke="#808080" stroke-width="0.1"/>
 <path id="ruler" d="M{-RULER_MM / 2:g} {y:g}h{RULER_MM:g} {ends}" fill="none" stroke="black" \
@@ -43,21 +43,21 @@ print at 100 %; this line is {RULER_MM:g} mm</text>
 """
 
 
-def drawing(board: Print) -> str:
+def elements(board: Print) -> str:
     """Draw what is on a board as SVG elements [mm], from its centre, right and down."""
     geometry = board.geometry
     half = geometry.size_m * 500
-    parts = [_rect(-half, -half, 2 * half, 2 * half, boards.PAPER)]
+    parts = [_rect(-half, -half, 2 * half, 2 * half, drawing.PAPER)]
     tissue = [patch for patch in board.patches if patch.kind == "tissue"]
     if tissue:
-        texels = boards.picture(board, boards.CENTRE_M, boards.CENTRE_TEXELS_PER_MM)
+        texels = drawing.picture(board, drawing.CENTRE_M, drawing.CENTRE_TEXELS_PER_MM)
         parts += [_tissue(patch, n, texels) for n, patch in enumerate(tissue)]
     for patch in board.patches:
         if patch.kind == "rings":
             parts += [
                 f'<circle cx="{_mm(patch.x)}" cy="{_mm(patch.y)}" r="{_mm(radius)}" '
                 f'fill="{_hex(colour)}"/>'
-                for radius, colour in boards.rings(patch.radius)
+                for radius, colour in drawing.rings(patch.radius)
             ]
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, geometry.dictionary))
     for marker, x, y, size in geometry.markers:
@@ -72,14 +72,14 @@ def _marker(bits: np.ndarray, x: float, y: float, size: float) -> str:
     Every row and every column of paper is one rectangle, so none of them meet in a visible seam.
     """
     left, top, step = x - size / 2, y - size / 2, size / MODULES
-    parts = [_rect(left, top, size, size, boards.INK)]
+    parts = [_rect(left, top, size, size, drawing.INK)]
     for n in range(MODULES):
         for start, count in _spans(bits[n]):
             u, v = left + start * step, top + n * step
-            parts.append(_rect(u, v, count * step, step, boards.PAPER))
+            parts.append(_rect(u, v, count * step, step, drawing.PAPER))
         for start, count in _spans(bits[:, n]):
             u, v = left + n * step, top + start * step
-            parts.append(_rect(u, v, step, count * step, boards.PAPER))
+            parts.append(_rect(u, v, step, count * step, drawing.PAPER))
     return "".join(parts)
 
 
@@ -91,9 +91,9 @@ def _spans(row: np.ndarray) -> list[tuple[int, int]]:
 
 def _tissue(patch: Patch, number: int, texels: Image) -> str:
     """Cut a patch out of a picture of the board's middle: the same tissue as in the twin."""
-    scale = boards.CENTRE_TEXELS_PER_MM * 1e3
+    scale = drawing.CENTRE_TEXELS_PER_MM * 1e3
     side = 2 * round(patch.radius * scale)
-    left, top = (round((c + boards.CENTRE_M / 2) * scale - side / 2) for c in (patch.x, patch.y))
+    left, top = (round((c + drawing.CENTRE_M / 2) * scale - side / 2) for c in (patch.x, patch.y))
     crop = cv2.cvtColor(texels[top : top + side, left : left + side], cv2.COLOR_RGB2BGR)
     code = base64.b64encode(cv2.imencode(".png", crop)[1].tobytes()).decode("ascii")
     x, y, r = _mm(patch.x), _mm(patch.y), _mm(patch.radius)

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
+from endolock.hw import camera_file
 from endolock.hw.api import ConfigError
 from endolock.scripts import output, recordings
 from endolock.vision import calibration as calibrations
@@ -54,7 +55,7 @@ def main(request: Request) -> int:
             views.append(detect(grey_of(frame.image)))
     with err.status("calibrating"):
         found = calibrations.calibrate(views, recording.board, size or (0, 0), request.projection)
-    calibrations.write(found, request.out)
+    camera_file.write(found, request.out)
     output.write_json(asdict(found), request.json)
     if request.json != "-":
         (u, v), told = found.centre_px, ", ".join(f"{c:.4g}" for c in found.distortion)

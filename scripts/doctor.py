@@ -184,10 +184,10 @@ def opencv(sights: Sights) -> Finding:
     if not sights:
         text = f"{cv2.__version__}, no picture to find markers in"
         return Finding("opencv", False, text, advice or "mend the picture first")
-    from endolock.twin import board
+    from endolock.hw import boards
     from endolock.vision.markers import MarkerEyes
 
-    (frame, calibration), geometry = sights[0], board.standard()
+    (frame, calibration), geometry = sights[0], boards.standard()
     seen = MarkerEyes(calibration, geometry)(frame)
     found = len(seen.corners_px) // 4
     text = f"{cv2.__version__}, {found} markers found in the picture"

@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
 
-from endolock.hw import recorded
+from endolock.hw import boards, camera_file, recorded
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.scripts import recorder
-from endolock.twin import board as boards
-from endolock.vision import calibration as calibrations
 
 
 class Recording(NamedTuple):
@@ -42,7 +40,7 @@ def open_(
     if board is not None and board not in known:
         raise ConfigError(f"board '{board}' is unknown; use {', '.join(known)}")
     geometry = known[board].geometry if board else boards.standard()
-    given = calibrations.read(calibration) if calibration else None
+    given = camera_file.read(calibration) if calibration else None
     if source.is_dir():
         if times:
             raise ConfigError("a run folder has its own time stamps; leave --times out")

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.twin import files, instruments, scenario
+from endolock.twin import instruments, scenario
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import cv2
 
-from endolock.twin import board as boards
+from endolock.hw import boards
 from endolock.twin import scene, section
 
 COLUMNS = 120

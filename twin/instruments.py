@@ -13,8 +13,8 @@ from textwrap import wrap
 
 from pydantic import TypeAdapter, ValidationError
 
+from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.twin import files
 from endolock.twin.instrument import Instrument
 
 _ADAPTER = TypeAdapter(Instrument)

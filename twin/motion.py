@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from endolock.twin.files import Section
+from endolock.hw.files import Section
 
 Offset = tuple[float, float]
 """Displacement of the board (right, down) [m]."""

@@ -16,9 +16,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from endolock.hw import boards
 from endolock.hw.api import ConfigError, Image
 from endolock.hw.guard import Guard
-from endolock.twin import board as boards
 from endolock.twin import camera, optics, scenario, scene, shutter
 from endolock.twin.drive import TwinDrive
 from endolock.twin.instrument import Instrument, Numerics

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.twin import files
-from endolock.twin.files import Section
+from endolock.hw.files import Section
 from endolock.twin.motion import KINDS, Event, Motion, along
 
 FOLDER = "scenarios"

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from endolock.hw import boards
 from endolock.hw.api import BoardGeometry, ConfigError, Image, Vector
-from endolock.twin import board as boards
-from endolock.twin import section, tissue
+from endolock.twin import drawing, section, tissue
 from endolock.twin.instrument import Instrument, Numerics
 
 TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_centre", "wall")}
@@ -66,8 +66,8 @@ def camera_at_rest(instrument: Instrument) -> Vector:
 def pictures(board: boards.Print) -> dict[str, Image]:
     """Draw what `TEXTURES` names."""
     return {
-        "board": boards.picture(board, boards.SIZE_M, boards.TEXELS_PER_MM),
-        "board_centre": boards.picture(board, boards.CENTRE_M, boards.CENTRE_TEXELS_PER_MM),
+        "board": drawing.picture(board, boards.SIZE_M, drawing.TEXELS_PER_MM),
+        "board_centre": drawing.picture(board, drawing.CENTRE_M, drawing.CENTRE_TEXELS_PER_MM),
         "wall": tissue.picture(512, 128.0, seed=7),
     }
 
@@ -112,7 +112,7 @@ def add_scene(
         place = camera + [REST_DISTANCE_M + behind, 0.0, 0.0]
         body = world.add_body(name=name, pos=place, mocap=not behind)
         body.alt.type, body.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
-    half, middle = board.size_m / 2, boards.CENTRE_M / 2
+    half, middle = board.size_m / 2, drawing.CENTRE_M / 2
     tiles = WALL_M / WALL_TILE_M
     _add_sheet(spec, "wall", "wall", _grid(WALL_M / 2, facets), WALL_M / tiles)
     _add_sheet(spec, "target", "board", _frame(half, middle, facets), 2 * half)
@@ -199,7 +199,7 @@ def _add_plate(spec: mujoco.MjSpec, name: str, plate: Plate) -> None:
     if plate.look == "tissue":
         image, tile = tissue.picture(512, 128.0, seed=7), WALL_TILE_M
     else:
-        image, tile = boards.decoy(), DECOY_M
+        image, tile = drawing.decoy(), DECOY_M
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
     _fill(texture, image)
     material = spec.add_material(name=name, specular=0.0, shininess=0.0)

@@ -13,8 +13,8 @@ from typing import NamedTuple, Self
 import mujoco
 import numpy as np
 
+from endolock.hw import boards
 from endolock.hw.api import Frame, Image, Vector
-from endolock.twin import board as boards
 from endolock.twin import camera, optics, scene, stage
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario

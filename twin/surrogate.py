@@ -20,9 +20,9 @@ from typing import Any, NamedTuple, Self
 from endolock.control import kinematics
 from endolock.control.hysteresis import Hysteresis, Plays
 from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.guard import Guard, Reading
-from endolock.twin import board as boards
 from endolock.twin import camera
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument

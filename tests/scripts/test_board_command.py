@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 import pytest
 
+from endolock.hw import boards
 from endolock.hw.api import Calibration, Frame, Image
 from endolock.scripts import board_svg, cli
-from endolock.twin import board as boards
+from endolock.twin import drawing
 from endolock.twin import scenario as scenarios
 from endolock.twin.course import Course
 from endolock.vision.markers import MarkerEyes
@@ -55,13 +56,13 @@ def test_every_marker_has_the_bits_of_the_dictionary(printed: Path) -> None:
         side = round(size * 1e3 * TEXELS_PER_MM)
         u, v = (round((c - size / 2 + 0.05) * 1e3 * TEXELS_PER_MM) for c in (x, y))
         bits = cv2.aruco.generateImageMarker(dictionary, marker, side)[..., None] > 0
-        expected = np.where(bits, boards.PAPER, boards.INK)
+        expected = np.where(bits, drawing.PAPER, drawing.INK)
         assert np.array_equal(image[v : v + side, u : u + side], expected), marker
 
 
 def test_the_sheet_is_the_board_of_the_twin(printed: Path) -> None:
     """Tissue included, which is random: it must be the same piece, not just some."""
-    drawn = boards.picture(boards.prints()[printed.stem], boards.SIZE_M, TEXELS_PER_MM)
+    drawn = drawing.picture(boards.prints()[printed.stem], boards.SIZE_M, TEXELS_PER_MM)
     apart = np.abs(_raster(printed).astype(int) - drawn).max(axis=2)
     assert (apart > 8).mean() < 0.002  # rims, drawn with and without smoothing; tissue is 4 %
 
@@ -113,7 +114,7 @@ def test_the_page_holds_the_scenarios_board_and_nothing_from_outside(
     assert cli.main([*args, str(pages[1]), "--kind", "rings"]) == 0
     for path, kind in zip(pages, ("several", "rings"), strict=True):
         text = path.read_text()
-        assert board_svg.drawing(boards.prints()[kind]) in text
+        assert board_svg.elements(boards.prints()[kind]) in text
         assert "<title>a&lt;b, board" in text
         assert "://" not in text
         assert not re.search(r'\b(src|href)="(?!data:)|@import|@[A-Z]+@', text)

@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import pytest
 
+from endolock.hw import camera_file
 from endolock.scripts import cli, recorder
-from endolock.vision import calibration
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def test_a_video_file_with_stamps_and_calibration(folder: Path, tmp_path: Path) 
     writer.release()
     lines = ["t_capture,t_available", *(f"{r['t_capture']},{r['t_available']}" for r in rows)]
     stamps.write_text("\n".join(lines))
-    calibration.write(calibration.read(folder / "run.toml"), camera)
+    camera_file.write(camera_file.read(folder / "run.toml"), camera)
     told = tmp_path / "seen.json"
     args = ["watch", str(film), "--times", str(stamps), "--calibration", str(camera)]
     assert cli.main([*args, "--json", str(told)]) == 0
@@ -94,7 +94,7 @@ def test_a_video_without_stamps_or_calibration_is_refused(
 def test_a_run_calibrates_its_camera(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "camera.toml"
     assert cli.main(["calibrate", str(folder), "--out", str(out)]) == 0
-    found, true = calibration.read(out), calibration.read(folder / "run.toml")
+    found, true = camera_file.read(out), camera_file.read(folder / "run.toml")
     # a turn with a small board around the middle, as JPEGs
     assert found.focal_px == pytest.approx(true.focal_px, rel=0.01)
     assert found.rms_px < 0.6

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from endolock.hw import boards
 from endolock.hw.api import ConfigError
-from endolock.twin import board, generate, scene, section
+from endolock.twin import generate, scene, section
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.transmission import WIRES
 
@@ -56,7 +57,7 @@ def test_committed_files_are_what_the_builders_write() -> None:
     place = generate.folder()
     assert (place / "section.xml").read_text() == generate.section_xml()
     assert (place / "scene.xml").read_text() == generate.scene_xml()
-    for name, image in scene.pictures(board.prints()["rings"]).items():
+    for name, image in scene.pictures(boards.prints()["rings"]).items():
         picture = cv2.imread(str(place / scene.TEXTURES[name]))
         assert picture is not None
         assert np.array_equal(picture, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))

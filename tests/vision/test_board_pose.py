@@ -4,8 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from endolock.hw import boards
 from endolock.hw.api import Calibration, Vector
-from endolock.twin import board, optics
+from endolock.twin import optics
 from endolock.twin.scenario import Camera
 from endolock.vision import board_pose, camera_model
 
@@ -13,7 +14,7 @@ CAMERAS = {
     "pinhole": camera_model.from_fovy(640, 480, 85.0),
     "fisheye": optics.calibration(Camera(projection="equidistant", diagonal_deg=140.0)),
 }
-POINTS = np.concatenate(list(board.standard().corners().values()))
+POINTS = np.concatenate(list(boards.standard().corners().values()))
 TURN = np.asarray(cv2.Rodrigues(np.array([0.4, -0.3, 0.2]))[0], np.float64)
 PLACE = np.array([0.02, -0.01, 0.11])
 

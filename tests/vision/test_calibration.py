@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from endolock.hw import camera_file
 from endolock.hw.api import Calibration, ConfigError
 from endolock.twin import scenario
 from endolock.twin.studio import Place, Studio
@@ -58,10 +59,10 @@ def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
         date="2026-11-23",
     )
     path = tmp_path / "camera.toml"
-    calibration.write(camera, path)
-    assert calibration.read(path) == camera
+    camera_file.write(camera, path)
+    assert camera_file.read(path) == camera
     path.write_text("[run]\nx = 1\n[calibration]\n" + path.read_text())
-    assert calibration.read(path) == camera  # as in run.toml
+    assert camera_file.read(path) == camera  # as in run.toml
 
 
 @pytest.mark.parametrize(
@@ -77,13 +78,13 @@ def test_a_bad_file_is_one_line(tmp_path: Path, change: str, why: str) -> None:
     path = tmp_path / "camera.toml"
     key = change.split(" ", maxsplit=1)[0]
     camera = Calibration(width=64, height=48, focal_px=50.0, centre_px=(31.5, 23.5))
-    calibration.write(camera, path)
+    camera_file.write(camera, path)
     lines = [line for line in path.read_text().splitlines() if not line.startswith(f"{key} ")]
     path.write_text("\n".join([change, *lines]))
     with pytest.raises(ConfigError, match=why):
-        calibration.read(path)
+        camera_file.read(path)
     with pytest.raises(ConfigError, match="cannot read calibration"):
-        calibration.read(tmp_path / "none.toml")
+        camera_file.read(tmp_path / "none.toml")
 
 
 def _views(

@@ -5,19 +5,20 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from endolock.twin import board, scenario
+from endolock.hw import boards
+from endolock.twin import drawing, scenario
 from endolock.twin.studio import Place, Studio
 from endolock.vision.detector import MarkerDetector, grey_of
 from endolock.vision.markers import MarkerEyes
 
 
-@pytest.mark.parametrize("kind", board.prints())
+@pytest.mark.parametrize("kind", boards.prints())
 def test_every_marker_is_found_in_the_print(kind: str) -> None:
-    printed = board.prints()[kind]
+    printed = boards.prints()[kind]
     geometry = printed.geometry
     found = {}
-    for side_m, texels in ((board.SIZE_M, board.TEXELS_PER_MM), (0.044, 24)):
-        picture = board.picture(printed, side_m, texels)
+    for side_m, texels in ((boards.SIZE_M, drawing.TEXELS_PER_MM), (0.044, 24)):
+        picture = drawing.picture(printed, side_m, texels)
         for corners, i in MarkerDetector(geometry)(grey_of(picture)):
             wanted = (geometry.corners()[i][:, :2] + side_m / 2) * 1e3 * texels - 0.5
             # edges lie between texels; corners of sharp squares are found to half a texel
@@ -26,13 +27,13 @@ def test_every_marker_is_found_in_the_print(kind: str) -> None:
     assert found.keys() == {i for i, *_ in geometry.markers}
 
 
-@pytest.mark.parametrize("kind", board.prints())
+@pytest.mark.parametrize("kind", boards.prints())
 def test_nothing_overlaps(kind: str) -> None:
-    printed = board.prints()[kind]
+    printed = boards.prints()[kind]
     squares = [(x, y, size / 2) for _, x, y, size in printed.geometry.markers]
     patches = [(p.x, p.y, p.radius) for p in printed.patches]
     for x, y, half in squares + patches:
-        assert max(abs(x), abs(y)) + half < board.SIZE_M / 2
+        assert max(abs(x), abs(y)) + half < boards.SIZE_M / 2
     for (ax, ay, a), (bx, by, b) in combinations(squares, 2):
         # a marker needs a module of white around it, a sixth of its side
         assert max(abs(ax - bx), abs(ay - by)) > a + b + min(a, b) / 3 - 1e-9
@@ -40,15 +41,15 @@ def test_nothing_overlaps(kind: str) -> None:
         for px, py, radius in patches:
             nearest = np.maximum(np.abs([x - px, y - py]) - half, 0)
             assert np.hypot(*nearest) > radius
-    for scale in (board.TEXELS_PER_MM, board.CENTRE_TEXELS_PER_MM):
+    for scale in (drawing.TEXELS_PER_MM, drawing.CENTRE_TEXELS_PER_MM):
         large = [s for _, x, _, s in printed.geometry.markers if (scale == 24) == (abs(x) < 0.02)]
         for size in large:
             modules = 1e3 * size * scale / 6
-            if scale == board.CENTRE_TEXELS_PER_MM or size == 0.020:
+            if scale == drawing.CENTRE_TEXELS_PER_MM or size == 0.020:
                 assert modules == pytest.approx(round(modules))  # whole texels
 
 
-@pytest.mark.parametrize("kind", board.prints())
+@pytest.mark.parametrize("kind", boards.prints())
 @pytest.mark.parametrize(
     "place",
     [
