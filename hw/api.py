@@ -235,11 +235,21 @@ class Actuators(Protocol):
     def hold(self) -> None:
         """Stop where the handles are and keep torque on."""
 
+    def estop(self, why: str) -> None:
+        """Stop for good: with the next exchange the handles hold, and a fault is latched.
+
+        May be called from any thread or signal handler: an emergency button, a supervisor.
+        """
+
     def disable(self) -> None:
         """Switch torque off."""
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; the motors stay off until `enable()`."""
+        """Forget a latched fault and get the device ready; the motors stay off until `enable()`.
+
+        Raises:
+            HardwareError: the device is not to be had yet; the fault stays.
+        """
 
     def close(self) -> None:
         """Disable and let go of the device; may be called twice."""

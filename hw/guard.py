@@ -7,7 +7,7 @@ same safety code as a bench. Laboratory software, not a medical device.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from types import TracebackType
 from typing import Protocol, Self
@@ -39,6 +39,10 @@ class Reading:
     fresh: bool
     """False where no answer came; the measurements then are the last ones."""
     device_tick: int
+    target: tuple[float, ...] | None = None
+    """Goals that the motors have [rad], where they tell them."""
+    silent: tuple[str, ...] = ()
+    """Axes that did not answer, where single ones can be told."""
 
 
 class Drive(Protocol):
@@ -65,11 +69,21 @@ class Drive(Protocol):
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
         """Return the nearest goal that the device can hold [rad]."""
 
+    def hold(self) -> tuple[float, ...] | None:
+        """Stop every motor that listens where it is; return where [rad], None if nobody answers."""
+
     def torque(self, on: bool) -> None:
         """Switch torque on or off."""
 
     def zero(self) -> None:
         """Make the present position the zero of every axis."""
+
+    def recover(self) -> None:
+        """Get the device ready again after a fault, torque off.
+
+        Raises:
+            HardwareError: it is not to be had yet.
+        """
 
     def close(self) -> None:
         """Torque off, let go of the device."""
@@ -108,7 +122,8 @@ class Guard:
         self._asked: tuple[float, ...] = ()
         self._wanted: tuple[float, ...] = ()
         self._goal: tuple[float, ...] = ()
-        self._expires = self._slewed_at = self._fresh_at = 0.0
+        self._expires = self._slewed_at = self._fresh_at = self._taken_at = 0.0
+        self._stop: str | None = None
         self._off_since: list[float | None] = [None] * len(drive.axes)
         self._seq = 0
 
@@ -133,9 +148,15 @@ class Guard:
         return self._mode
 
     def connect(self) -> None:
-        """Open the drive; afterwards the mode is DISABLED, also where it was open already."""
+        """Open the drive; afterwards the mode is DISABLED, also where it was open already.
+
+        A device that has stopped by itself before is connected all the same; the mode is FAULT.
+        """
         if self._mode is Mode.DISCONNECTED:
-            self._drive.open()
+            try:
+                self._drive.open()
+            except DeviceFault as fault:
+                self._fault = fault
             self._mode = Mode.FAULT if self._fault else Mode.DISABLED
             self._fresh_at = self.clock.now()
 
@@ -172,10 +193,10 @@ class Guard:
         except HardwareError as fault:
             self._latch(fault)
             raise
-        self._slewed_at = self._fresh_at = self._expires = now
+        self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
         self._off_since = [None] * len(self.axes)
         self._mode = Mode.HOLDING
-        return self._remember(reading, (0,) * len(self.axes))
+        return self._remember(replace(reading, target=self._goal), (0,) * len(self.axes))
 
     def exchange(self, command: Command | None) -> State:
         """Send a command and read the state; see `Actuators.exchange`."""
@@ -184,6 +205,10 @@ class Guard:
         if self._fault is not None:
             raise self._fault
         now = self.clock.now()
+        if self._stop is not None:
+            fault = DeviceFault(self._stop, kind="estop", t=now)
+            self._latch(fault)
+            raise fault
         if command is not None:
             self._accept(command, now)
         elif self._mode is Mode.ENABLED and now > self._expires:
@@ -195,6 +220,7 @@ class Guard:
             self._check_age(reading, now)
             if driven:
                 self._check_following(reading, now)
+                self._check_taken(reading, now)
         except HardwareError as fault:
             self._latch(fault)
             raise
@@ -209,6 +235,10 @@ class Guard:
         if self._mode is Mode.ENABLED:
             self._freeze()
 
+    def estop(self, why: str) -> None:
+        """Stop for good; see `Actuators.estop`."""
+        self._stop = f"stopped: {why}; see to it, then clear_fault() and enable()"
+
     def disable(self) -> None:
         """Switch torque off."""
         if self._mode is not Mode.DISCONNECTED:
@@ -216,11 +246,15 @@ class Guard:
             self._mode = Mode.FAULT if self._fault else Mode.DISABLED
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; the motors stay off until `enable()`."""
-        if self._fault is not None:
-            self._fault = None
-            self._fresh_at = self.clock.now()
-            self.disable()
+        """Forget a latched fault; see `Actuators.clear_fault`."""
+        self._stop = None
+        if self._fault is None:
+            return
+        if self._mode is not Mode.DISCONNECTED:
+            self._drive.recover()
+            self._mode = Mode.DISABLED
+        self._fault = None
+        self._fresh_at = self.clock.now()
 
     def close(self) -> None:
         """Torque off and let go of the drive; may be called twice."""
@@ -301,10 +335,31 @@ class Guard:
         if reading.fresh:
             self._fresh_at = now
         elif now - self._fresh_at > self._settings.max_age_s:
+            who = " and ".join(reading.silent) or "the handles"
             raise LinkLost(
-                f"no answer from the handles for {now - self._fresh_at:.3f} s; the goal is frozen; "
+                f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen; "
                 "check cable and power, then clear_fault() and enable()",
                 t=now,
+                axis=reading.silent[0] if reading.silent else None,
+            )
+
+    def _check_taken(self, reading: Reading, now: float) -> None:
+        """See that goals arrive, where the motors tell theirs."""
+        if reading.target is None or reading.target == self._drive.quantise(self._goal):
+            self._taken_at = now
+        elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
+            axis = next(
+                axis
+                for axis, has, sent in zip(
+                    self.axes, reading.target, self._drive.quantise(self._goal), strict=True
+                )
+                if has != sent
+            )
+            raise LinkLost(
+                f"no goal reached {axis} for {now - self._taken_at:.3f} s, though it answers; the "
+                "goal is frozen; check the cable, then clear_fault() and enable()",
+                t=now,
+                axis=axis,
             )
 
     def _check_following(self, reading: Reading, now: float) -> None:
@@ -332,11 +387,7 @@ class Guard:
         self._fault = fault
         self._mode = Mode.FAULT
         try:
-            reading = self._drive.transfer(None)
-            if reading.fresh:
-                self._goal = self._drive.quantise(reading.position)
-            if self._goal:
-                self._drive.transfer(self._goal)
+            self._goal = self._drive.hold() or self._goal
         except HardwareError as second:
             fault.add_note(f"and the handles could not be told to hold: {second}")
 
@@ -348,7 +399,7 @@ class Guard:
             position=reading.position,
             velocity=reading.velocity,
             current=reading.current,
-            target=self._drive.quantise(self._goal) if self._mode.driven else reading.position,
+            target=self._in_force(reading),
             clipped=clipped,
             fresh=reading.fresh,
             mode=self._mode,
@@ -357,6 +408,11 @@ class Guard:
         self._seq += 1
         self._history.append(state)
         return state
+
+    def _in_force(self, reading: Reading) -> tuple[float, ...]:
+        if not self._mode.driven:
+            return reading.position
+        return self._drive.quantise(self._goal) if reading.target is None else reading.target
 
     def _state_error(self, message: str) -> StateError:
         return StateError(message, t=self.clock.now())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from math import ceil, inf
+from math import ceil, floor, inf, isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,9 +18,10 @@ import numpy as np
 
 from endolock.hw import boards
 from endolock.hw.api import ConfigError, Image
+from endolock.hw.direct import DirectLink
 from endolock.hw.guard import Guard
-from endolock.twin import camera, optics, scenario, scene, shutter
-from endolock.twin.drive import TwinDrive
+from endolock.hw.servo_drive import ServoDrive
+from endolock.twin import camera, motor, optics, scenario, scene, shutter
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.plant import TwinPlant
 from endolock.twin.scenario import Scenario
@@ -93,7 +94,11 @@ class TwinRig:
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
-        self.actuators = Guard(TwinDrive(self.plant, self.clock))
+        self.servos = motor.servos(self.plant, self.clock.now)
+        made = self.plant.instrument
+        link = DirectLink(self.servos, self.clock)
+        drive = ServoDrive(link, self.clock, motor.handles(made), motor.units(made))
+        self.actuators = Guard(drive)
         self.tracker: TwinTracker | None = None
         if self.scenario.tracker:
             self.tracker = TwinTracker(self.scenario.tracker, self.plant, self.clock, seed)
@@ -123,10 +128,10 @@ class TwinRig:
         """Move the physics up to a grid point, exposing frames and tracking on the way."""
         self._look()
         while self.plant.step_count < step:
-            due = self._moment.step
+            due = min(self._moment.step, self._watchdog_step())
             if self.tracker:
                 due = min(due, self.tracker.due_step())
-            self.plant.advance(min(step, due))
+            self.plant.advance(int(min(step, due)))
             self._look()
 
     def describe(self) -> Mapping[str, Any]:
@@ -186,6 +191,13 @@ class TwinRig:
             self._moment = next(self._shutter)
         while self.tracker and self.plant.step_count >= self.tracker.due_step():
             self.tracker.measure()
+        for servo in self.servos:
+            servo.watch()
+
+    def _watchdog_step(self) -> float:
+        """First grid point after a servo's watchdog has run off."""
+        trips_at = min(servo.trips_at for servo in self.servos)
+        return floor(trips_at / self.clock.timestep_s + 1e-6) + 1 if isfinite(trips_at) else inf
 
     def _expose(self, moment: Moment) -> None:
         seq, t = moment.seq, self.plant.t

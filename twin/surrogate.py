@@ -258,6 +258,14 @@ class SurrogateDrive:
         """Return the nearest encoder position [rad]."""
         return tuple(round(g / self._step) * self._step for g in goal)
 
+    def hold(self) -> tuple[float, ...]:
+        """Stay where the handles are."""
+        self.torque(True)
+        return self.transfer(None).position
+
+    def recover(self) -> None:
+        """Nothing to do: nothing fails."""
+
     def torque(self, on: bool) -> None:
         """Stay where the handles are; without torque they are held as well."""
         self._plant.goal = self._plant.handles

@@ -77,6 +77,18 @@ class BenchDrive:
         """Round to whole steps."""
         return tuple(round(g / self.STEP_RAD) * self.STEP_RAD for g in goal)
 
+    def hold(self) -> tuple[float, ...] | None:
+        """Make the goal where the handles are, unless nobody answers."""
+        reading = self.transfer(None)
+        if not reading.fresh:
+            return None
+        self.transfer(reading.position)
+        return reading.position
+
+    def recover(self) -> None:
+        """Torque off."""
+        self.torque(False)
+
     def torque(self, on: bool) -> None:
         """Switch torque; a handle without it stays where it is."""
         self._catch_up()

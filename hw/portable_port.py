@@ -1,0 +1,87 @@
+"""A serial port through pyserial, for Windows and macOS; the extra `serial` installs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from endolock.hw.api import ConfigError, PortBusy, PortGone
+
+try:
+    import serial
+except ModuleNotFoundError:
+    raise ConfigError(
+        "serial ports need pyserial on this system; install it with pip install 'endolock[serial]'"
+    ) from None
+
+
+class PortablePort:
+    """A serial port of any system; see `hw.port.Port`.
+
+    Args:
+        path: its name, such as COM3 or /dev/cu.usbserial-1.
+        baud: baud rate [1/s].
+    """
+
+    def __init__(self, path: str | Path, baud: int) -> None:
+        self.name = str(path)
+        self._baud = baud
+        self._port: serial.Serial | None = None
+
+    def open(self) -> None:
+        """Open it, or open it again."""
+        self.close()
+        try:
+            self._port = serial.Serial(self.name, self._baud, timeout=0, exclusive=True)
+        except serial.SerialException as error:
+            said = " ".join(str(error).split())
+            busy = "Access is denied" in said or "exclusively lock" in said
+            if busy:
+                raise PortBusy(
+                    f"{self.name} is in use by another program; end that, then connect again",
+                    t=0.0,
+                ) from None
+            raise PortGone(
+                f"{self.name} cannot be opened ({said}); plug it in, and see endolock doctor",
+                t=0.0,
+            ) from None
+
+    def set_baud(self, baud: int) -> None:
+        """Change the baud rate [1/s]."""
+        self._baud = baud
+        self._open.baudrate = baud
+
+    def send(self, data: bytes) -> None:
+        """Write all bytes."""
+        try:
+            self._open.write(data)
+        except (serial.SerialException, OSError):
+            raise self._gone() from None
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return what has come, waiting for the first byte so long [s]."""
+        try:
+            port = self._open
+            port.timeout = max(0.0, timeout_s)
+            first: bytes = port.read(max(1, port.in_waiting))
+            return first + port.read(port.in_waiting) if first else first
+        except (serial.SerialException, OSError, TypeError):  # TypeError: closed meanwhile
+            raise self._gone() from None
+
+    def close(self) -> None:
+        """Let go of it; may be called twice."""
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    @property
+    def _open(self) -> serial.Serial:
+        if self._port is None:
+            raise self._gone()
+        return self._port
+
+    def _gone(self) -> PortGone:
+        return PortGone(
+            f"{self.name} is gone; the motors hold where they are, by their own watchdog; plug it "
+            "in again, then clear_fault() and enable()",
+            t=0.0,
+        )

@@ -1,0 +1,122 @@
+"""The control table of Dynamixel X-series servos, as far as handles need it, and its units.
+
+Reference:
+    ROBOTIS e-Manual, "XM430-W350", control table; XL, XC, XD, XH and XW have the same addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from struct import Struct
+from typing import NamedTuple
+
+from endolock.hw.api import Fault
+
+
+class Register(NamedTuple):
+    """Where a value is."""
+
+    address: int
+    size: int
+    """[bytes]"""
+
+
+MODEL = Register(0, 2)
+FIRMWARE = Register(6, 1)
+ID = Register(7, 1)
+BAUD = Register(8, 1)
+RETURN_DELAY = Register(9, 1)
+DRIVE_MODE = Register(10, 1)
+OPERATING_MODE = Register(11, 1)
+HOMING_OFFSET = Register(20, 4)
+CURRENT_LIMIT = Register(38, 2)
+MAX_POSITION = Register(48, 4)
+MIN_POSITION = Register(52, 4)
+SHUTDOWN = Register(63, 1)
+TORQUE_ENABLE = Register(64, 1)
+STATUS_LEVEL = Register(68, 1)
+REGISTERED = Register(69, 1)
+HARDWARE_ERROR = Register(70, 1)
+POSITION_P = Register(84, 2)
+WATCHDOG = Register(98, 1)
+GOAL_CURRENT = Register(102, 2)
+PROFILE = Register(108, 8)
+"""Acceleration and velocity of the device's own ramp; zero switches it off."""
+GOAL_POSITION = Register(116, 4)
+TICK = Register(120, 2)
+CURRENT = Register(126, 2)
+VELOCITY = Register(128, 4)
+POSITION = Register(132, 4)
+VOLTAGE = Register(144, 2)
+TEMPERATURE = Register(146, 1)
+INDIRECT_ADDRESS = Register(168, 56)
+INDIRECT_DATA = Register(224, 28)
+END = 660
+"""Size of the table [bytes]."""
+EEPROM_END = 64
+"""What lies below is kept without power, and locked while torque is on."""
+
+EXTENDED_POSITION, CURRENT_POSITION = 4, 5
+"""Operating modes that count several turns: without and with a limit of the current."""
+TICK_PERIOD = 32768
+"""The device's clock of 1 ms begins again after as many ticks."""
+WATCHDOG_UNIT_S = 0.020
+TRIPPED = -1
+"""What the watchdog reads after it has stopped the motor, as a signed byte."""
+TURN = 4096
+"""Counts of the encoder in one turn."""
+LARGEST_GOAL = 1_048_575
+"""In extended position mode, to either side [counts]."""
+OLDEST_FIRMWARE = 38
+"""The first with a bus watchdog; e-Manual."""
+BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Baud rates, by the value of their register."""
+
+BLOCK = (WATCHDOG, TORQUE_ENABLE, HARDWARE_ERROR, GOAL_POSITION, TICK, CURRENT, VELOCITY, POSITION)
+"""What every cycle reads of a motor, gathered by its indirect addresses."""
+BLOCK_SIZE = sum(register.size for register in BLOCK)
+BLOCK_ADDRESSES = tuple(a for r in BLOCK for a in range(r.address, r.address + r.size))
+_BLOCK = Struct("<bBBiHhii")
+
+
+class Block(NamedTuple):
+    """The registers of `BLOCK`."""
+
+    watchdog: int
+    torque: int
+    hardware_error: int
+    goal: int
+    tick: int
+    current: int
+    velocity: int
+    position: int
+
+
+def unpack(data: bytes) -> Block:
+    """Read the `BLOCK_SIZE` bytes of a block."""
+    return Block(*_BLOCK.unpack(data))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """What one step of a register is worth; the defaults are the X series'."""
+
+    position_rad: float = 2 * pi / TURN
+    """Of a position [rad]."""
+    velocity_rad_s: float = 0.229 * 2 * pi / 60
+    """Of a velocity [rad/s]: 0.229 rpm."""
+    current_a: float = 2.69e-3
+    """Of a current [A]."""
+
+
+HARDWARE_ERRORS: dict[int, tuple[Fault, str, str]] = {
+    0x01: ("voltage", "its supply is out of range", "check the power supply"),
+    0x04: ("overheat", "it is too hot", "let it cool"),
+    0x08: ("encoder", "its encoder fails", "replace the motor if it comes back"),
+    0x10: ("voltage", "it had an electrical shock or too little power", "check the power supply"),
+    0x20: ("overload", "its load is too high for too long", "free the handle"),
+}
+"""Bits of the hardware error: kind, what happened, what to do first."""
+DEFAULT_SHUTDOWN = 0x34
+"""Hardware errors that switch torque off: overload, electrical shock, overheat."""

@@ -1,0 +1,429 @@
+"""Two servos on the handle wheels, as a guard drives them: goals in, readings out, faults told.
+
+The same for a bus and for servos without one. Every cycle reads one block of each motor, gathered
+by its indirect addresses, and believes it only if it was taken in this cycle: the device's own
+clock must be as far on as ours, and the goal in it tells whether ours arrived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from struct import pack
+from typing import Protocol
+
+from endolock.hw import registers as reg
+from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost, StateError
+from endolock.hw.bus import Accept
+from endolock.hw.guard import Reading
+from endolock.hw.handle import Handle
+from endolock.hw.registers import Block, Register, Units
+
+WATCHDOG_S = 0.4
+"""Without a packet for this time [s] a motor stops where it is, by itself. Assumed: twice the time
+that a command is valid, so that the guard's own hold comes first."""
+STALE_S = 0.003
+"""A block whose clock is this far behind the request [s] belongs to an earlier one. Assumed: two
+ticks and some."""
+AHEAD_S = 0.05
+"""A clock that is so far ahead [s] is that of a motor that restarted. Assumed."""
+DRIFT = 0.02
+"""The device's clock may run off by this share of time [1]. Assumed."""
+RESTART_S = 1.0
+"""A motor must answer again within this time after a reboot [s]. Assumed: X series take 0.3 s."""
+
+
+_PERIOD_S = 1e-3 * reg.TICK_PERIOD
+
+
+class Link(Protocol):
+    """What carries registers to and fro; `Bus`, or `DirectLink`."""
+
+    def open(self) -> None:
+        """Get hold of it."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+    def ping(self, device: int) -> tuple[int, int]:
+        """Return model number and firmware version."""
+
+    def read(self, device: int, register: Register) -> int:
+        """Read a register as a signed number."""
+
+    def write(self, device: int, register: Register, value: int | bytes) -> None:
+        """Write a register."""
+
+    def reboot(self, device: int) -> None:
+        """Let a motor start anew."""
+
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> list[bytes | None]:
+        """Send all goals, read all blocks."""
+
+
+class ServoDrive:
+    """Drives one servo for each axis; see `hw.guard.Drive`.
+
+    Args:
+        link: leads to the servos.
+        clock: stamps the readings.
+        handles: how each servo sits on its wheel, by axis.
+        units: what their registers count in; the X series' if None.
+        watchdog_s: see `WATCHDOG_S`; a whole number of 20 ms.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        handles: Mapping[str, Handle],
+        units: Units | None = None,
+        watchdog_s: float = WATCHDOG_S,
+    ) -> None:
+        self.axes = tuple(handles)
+        self.clock = clock
+        self._link, self._handles = link, tuple(handles.values())
+        self._units = units or Units()
+        self._step = tuple(h.unit_rad(self._units.position_rad) for h in self._handles)
+        self._watchdog = round(watchdog_s / reg.WATCHDOG_UNIT_S)
+        self._zeros: list[int | None] = [handle.zero_counts for handle in self._handles]
+        count = len(self._handles)
+        self._blocks: list[Block | None] = [None] * count
+        self._offset = [inf] * count  # clock time at which the device's tick was 0
+        self._heard = [0.0] * count
+        self._refused = [False] * count
+        self._sent: list[int] | None = None
+        self._on = False
+        self._sent_at = 0.0
+
+    @property
+    def limits(self) -> Limits:
+        """What may be asked for, counted from the present zero."""
+        moved = (
+            0.0 if h.zero_counts is None or z is None else (z - h.zero_counts) * step
+            for h, z, step in zip(self._handles, self._zeros, self._step, strict=True)
+        )
+        return Limits(
+            position_rad=tuple(
+                (h.range_rad[0] - m, h.range_rad[1] - m)
+                for h, m in zip(self._handles, moved, strict=True)
+            ),
+            velocity_rad_s=tuple(h.speed_rad_s for h in self._handles),
+        )
+
+    @property
+    def zero_counts(self) -> tuple[int | None, ...]:
+        """Position of each motor at handle angle zero [counts]; None before connecting."""
+        return tuple(self._zeros)
+
+    def open(self) -> None:
+        """Get hold of the motors, torque off, everything set that a cycle relies on.
+
+        Raises:
+            HardwareError: one is missing, or cannot be used as it is.
+            DeviceFault: one has a latched hardware error.
+        """
+        self._link.open()
+        try:
+            self._set_up()
+        except DeviceFault:
+            raise
+        except BaseException:
+            self._link.close()
+            raise
+
+    def recover(self) -> None:
+        """Get hold of the motors again after a fault, torque off; restart those with an error.
+
+        Raises:
+            HardwareError: that fails.
+        """
+        self._link.open()
+        for axis, handle in zip(self.axes, self._handles, strict=True):
+            self._link.ping(handle.id)
+            if self._link.read(handle.id, reg.HARDWARE_ERROR):
+                self._link.reboot(handle.id)
+                self._await(axis, handle.id)
+        self._set_up()
+
+    def transfer(self, goal: tuple[float, ...] | None) -> Reading:
+        """Send a goal [rad], or none, and measure.
+
+        Raises:
+            DeviceFault: a motor stopped.
+            PortGone: the port was unplugged.
+        """
+        self._sent = None if goal is None else self._counts(goal)
+        fresh, reading = self._cycle(self._sent)
+        for place, block in enumerate(self._blocks):
+            if block is not None and fresh[place]:
+                self._check(place, block)
+            elif self._refused[place] and self._on:
+                self._examine(place)
+        return reading
+
+    def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the nearest goal that the motors can hold [rad]."""
+        return self._angles(self._counts(goal))
+
+    def hold(self) -> tuple[float, ...] | None:
+        """Stop every motor that still listens where it is, whatever is wrong with the others.
+
+        Returns:
+            Where they hold [rad]; None where nobody answered.
+        """
+        fresh, _ = self._cycle(None)
+        if not any(fresh):
+            return None
+        places = [
+            0 if block is None else block.position if heard else block.goal
+            for block, heard in zip(self._blocks, fresh, strict=True)
+        ]
+        self._cycle(places)
+        return self._angles(places)
+
+    def torque(self, on: bool) -> None:
+        """Switch torque; it comes on only where the goal has arrived, the watchdog last.
+
+        Raises:
+            HardwareError: a motor refused, or does not answer.
+        """
+        ids = [handle.id for handle in self._handles]
+        if not on:
+            self._on = False
+            failed: list[HardwareError] = []
+            for device in ids:
+                try:
+                    self._link.write(device, reg.WATCHDOG, 0)
+                    self._link.write(device, reg.TORQUE_ENABLE, 0)
+                except HardwareError as error:  # the others are still to be switched off
+                    failed.append(error)
+            if failed:
+                raise failed[0]
+            return
+        assert self._sent is not None  # a guard sends the goal first; here it is made sure of
+        for device, goal in zip(ids, self._sent, strict=True):
+            self._link.write(device, reg.GOAL_POSITION, goal)
+        try:
+            for device in ids:
+                self._link.write(device, reg.TORQUE_ENABLE, 1)
+            for device in ids:
+                self._link.write(device, reg.WATCHDOG, self._watchdog)
+        except HardwareError:
+            self.torque(False)
+            raise
+        self._on = True
+
+    def zero(self) -> None:
+        """Make the present position the zero of every axis.
+
+        Raises:
+            LinkLost: a motor does not answer.
+        """
+        fresh, _ = self._cycle(None)
+        if not all(fresh):
+            raise LinkLost(
+                f"handle motor {self._name(fresh.index(False))} does not answer, so its zero is "
+                "not known; check cable and power, then home() again",
+                t=self.clock.now(),
+                axis=self.axes[fresh.index(False)],
+            )
+        self._zeros = [block.position if block else None for block in self._blocks]
+
+    def close(self) -> None:
+        """Torque off, let go of the port.
+
+        Raises:
+            HardwareError: a motor could not be told; its watchdog holds it.
+        """
+        try:
+            self.torque(False)
+        finally:
+            self._link.close()
+
+    def _set_up(self) -> None:
+        """Bring all motors into the state that a cycle relies on; torque off."""
+        self._on = False
+        for handle in self._handles:  # off first, all of them
+            self._link.write(handle.id, reg.WATCHDOG, 0)
+            self._link.write(handle.id, reg.TORQUE_ENABLE, 0)
+        for axis, handle in zip(self.axes, self._handles, strict=True):
+            self._prepare(axis, handle)
+        before = list(self._blocks)
+        self._offset = [inf] * len(self._handles)
+        fresh, _ = self._cycle(None)
+        for place, block in enumerate(self._blocks):
+            if block is None or not fresh[place]:
+                raise LinkLost(
+                    f"handle motor {self._name(place)} does not answer to a sync read; see that "
+                    "its status return level is 2, then connect again",
+                    t=self.clock.now(),
+                    axis=self.axes[place],
+                )
+            self._check(place, block)
+            self._keep_zero(place, block.position, before[place])
+
+    def _prepare(self, axis: str, handle: Handle) -> None:
+        link, device = self._link, handle.id
+        _, firmware = link.ping(device)
+        if firmware < reg.OLDEST_FIRMWARE:
+            raise StateError(
+                f"handle motor {device} ({axis}) has firmware {firmware}, without a bus watchdog; "
+                f"update it to {reg.OLDEST_FIRMWARE} or newer",
+                t=self.clock.now(),
+                axis=axis,
+            )
+        if offset := link.read(device, reg.HOMING_OFFSET):
+            raise StateError(
+                f"handle motor {device} ({axis}) has a homing offset of {offset} counts, with "
+                "which its watchdog would let it creep; set it to 0 with endolock doctor --port "
+                "PORT --set-up, and its zero anew",
+                t=self.clock.now(),
+                axis=axis,
+            )
+        mode = reg.EXTENDED_POSITION if handle.current_limit_a is None else reg.CURRENT_POSITION
+        # Written only where it differs: the EEPROM wears.
+        for register, value in (
+            (reg.OPERATING_MODE, mode),
+            (reg.DRIVE_MODE, 0),  # not reversed, no ramp by time, torque never by a goal
+            (reg.RETURN_DELAY, 0),
+        ):
+            if link.read(device, register) != value:
+                link.write(device, register, value)
+        link.write(device, reg.STATUS_LEVEL, 2)
+        link.write(device, reg.PROFILE, bytes(reg.PROFILE.size))
+        if handle.current_limit_a is not None:
+            limit = round(handle.current_limit_a / self._units.current_a)
+            link.write(device, reg.GOAL_CURRENT, limit)
+        gathered = pack(f"<{reg.BLOCK_SIZE}H", *reg.BLOCK_ADDRESSES)
+        link.write(device, reg.INDIRECT_ADDRESS, gathered)
+
+    def _await(self, axis: str, device: int) -> None:
+        end = self.clock.now() + RESTART_S
+        while True:
+            try:
+                self._link.ping(device)
+                return
+            except LinkLost as error:
+                if self.clock.now() >= end:
+                    raise LinkLost(
+                        f"handle motor {device} ({axis}) does not answer after its restart; check "
+                        "its power, then clear_fault() again",
+                        t=self.clock.now(),
+                        axis=axis,
+                    ) from error
+                self.clock.sleep_until(self.clock.now() + 0.05)
+
+    def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
+        """Do one cycle; tell who answered, and what is known then."""
+        clock = self.clock
+        self._refused = [False] * len(self._handles)
+        self._sent_at = sent = clock.now()
+        found = self._link.cycle(goals, self._accept)
+        now = clock.now()
+        fresh = [data is not None for data in found]
+        for place, data in enumerate(found):
+            if data is not None:
+                self._heard[place] = now
+        return fresh, self._reading(fresh, (sent + now) / 2, (now - sent) / 2)
+
+    def _accept(self, place: int, data: bytes) -> bool:
+        """Judge a block; keep it if it was taken in this cycle and its motor did not restart."""
+        block, now = reg.unpack(data), self.clock.now()
+        if self._offset[place] == inf:
+            self._offset[place], self._heard[place] = now - 1e-3 * block.tick, now
+        # What the answer took on its way, beyond the fastest one so far.
+        behind = now - self._offset[place] - 1e-3 * block.tick
+        behind -= _PERIOD_S * round(behind / _PERIOD_S)
+        in_time = now - behind >= self._sent_at - STALE_S and behind > -AHEAD_S
+        lost_torque = self._on and not block.torque and not block.hardware_error
+        if lost_torque or not in_time:
+            self._refused[place] = True
+            return False
+        self._offset[place] += min(DRIFT * (now - self._heard[place]), behind)
+        self._blocks[place] = block
+        return True
+
+    def _reading(self, fresh: list[bool], t: float, t_err: float) -> Reading:
+        blocks = [block or _NOTHING for block in self._blocks]
+        units = self._units
+        signs = [handle.direction / handle.ratio for handle in self._handles]
+        speeds = zip(blocks, signs, strict=True)
+        currents = zip(blocks, self._handles, strict=True)
+        tick = blocks[0].tick
+        if self._offset[0] != inf:
+            period = reg.TICK_PERIOD
+            tick += period * round((1e3 * (t - self._offset[0]) - tick) / period)
+        return Reading(
+            t=t,
+            t_err=t_err,
+            position=self._angles([block.position for block in blocks]),
+            velocity=tuple(b.velocity * units.velocity_rad_s * s for b, s in speeds),
+            current=tuple(b.current * units.current_a * h.direction for b, h in currents),
+            fresh=all(fresh),
+            device_tick=tick,
+            target=self._angles([block.goal for block in blocks]),
+            silent=tuple(a for a, f in zip(self.axes, fresh, strict=True) if not f),
+        )
+
+    def _check(self, place: int, block: Block) -> None:
+        """Raise what a block tells of its motor."""
+        name, axis, now = self._name(place), self.axes[place], self.clock.now()
+        for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items():
+            if block.hardware_error & bit:
+                raise DeviceFault(
+                    f"handle motor {name} stopped: {what}; {first}, then clear_fault() "
+                    "and enable()",
+                    kind=kind,
+                    t=now,
+                    axis=axis,
+                )
+        if not self._on:
+            return
+        if block.watchdog == reg.TRIPPED:
+            raise DeviceFault(
+                f"handle motor {name} stopped by itself: nothing was heard of us for "
+                f"{self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is; see what kept "
+                "the program, then clear_fault() and enable()",
+                kind="watchdog",
+                t=now,
+                axis=axis,
+            )
+
+    def _examine(self, place: int) -> None:
+        """Ask a motor whose blocks are not believed whether it restarted."""
+        try:
+            if self._link.read(self._handles[place].id, reg.TORQUE_ENABLE):
+                return
+        except LinkLost:
+            return  # silent: its age tells
+        raise DeviceFault(
+            f"handle motor {self._name(place)} has lost its torque: it restarted, or its power was "
+            "off for a moment; the other holds; check plug and supply, then clear_fault() and "
+            "enable()",
+            kind="reset",
+            t=self.clock.now(),
+            axis=self.axes[place],
+        )
+
+    def _keep_zero(self, place: int, position: int, before: Block | None) -> None:
+        """Know the zero where none is given, and keep it over a restart, which forgets turns."""
+        zero = self._zeros[place]
+        if zero is None:
+            self._zeros[place] = position
+        elif before is not None:
+            self._zeros[place] = zero + reg.TURN * round((position - before.position) / reg.TURN)
+
+    def _counts(self, goal: tuple[float, ...]) -> list[int]:
+        rows = zip(goal, self._step, self._zeros, strict=True)
+        return [round(angle / step) + (zero or 0) for angle, step, zero in rows]
+
+    def _angles(self, counts: Sequence[int]) -> tuple[float, ...]:
+        rows = zip(counts, self._step, self._zeros, strict=True)
+        return tuple((count - (zero or 0)) * step for count, step, zero in rows)
+
+    def _name(self, place: int) -> str:
+        return f"{self._handles[place].id} ({self.axes[place]})"
+
+
+_NOTHING = Block(0, 0, 0, 0, 0, 0, 0, 0)
