@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from endolock.hw.api import PortGone
-
-
-class Bus(Protocol):
-    """What answers; `EmulatedBus`, or one whose wire has faults."""
-
-    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes in, return answers."""
+from endolock.hw.emulator import AnsweringBus
 
 
 class Loopback:
@@ -24,7 +16,7 @@ class Loopback:
 
     name = "loopback"
 
-    def __init__(self, bus: Bus, baud: int = 1_000_000) -> None:
+    def __init__(self, bus: AnsweringBus, baud: int = 1_000_000) -> None:
         self._bus, self._baud = bus, baud
         self._coming = bytearray()
         self.plugged = True

@@ -8,9 +8,10 @@ clock must be as far on as ours, and the goal in it tells whether ours arrived.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from math import inf
 from struct import pack
-from typing import Protocol
+from typing import Any, Protocol
 
 from endolock.hw import registers as reg
 from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost, StateError
@@ -115,6 +116,15 @@ class ServoDrive:
     def zero_counts(self) -> tuple[int | None, ...]:
         """Position of each motor at handle angle zero [counts]; None before connecting."""
         return tuple(self._zeros)
+
+    def describe(self) -> dict[str, Any]:
+        """Return how the motors are driven as plain values, with the zeros in force."""
+        rows = zip(self.axes, self._handles, self._zeros, strict=True)
+        return {
+            "watchdog_s": self._watchdog * reg.WATCHDOG_UNIT_S,
+            "units": asdict(self._units),
+            "handle": {a: {**h.model_dump(), "zero_counts": z} for a, h, z in rows},
+        }
 
     def open(self) -> None:
         """Get hold of the motors, torque off, everything set that a cycle relies on.
