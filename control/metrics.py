@@ -55,6 +55,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
     error = np.array([_radius(calibration, truth.target_px) for truth in known])
     degrees = np.array([truth.error_deg for truth in known])
     return {
+        "overruns": sum(tick.skipped for tick in run.ticks),
         "frames": len(run.seen),
         "frames_dropped": sum(s.frame.dropped for s in run.seen),
         "detected_fraction": _share([s.observation.status is Status.TRACKING for s in run.seen]),

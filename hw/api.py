@@ -13,86 +13,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import atan2, copysign, hypot
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endolock.hw.errors import CommandError as CommandError
+from endolock.hw.errors import ConfigError as ConfigError
+from endolock.hw.errors import DeviceFault as DeviceFault
+from endolock.hw.errors import EndolockError as EndolockError
+from endolock.hw.errors import Fault as Fault
+from endolock.hw.errors import HardwareError as HardwareError
+from endolock.hw.errors import LinkError as LinkError
+from endolock.hw.errors import LinkLost as LinkLost
+from endolock.hw.errors import PortBusy as PortBusy
+from endolock.hw.errors import PortGone as PortGone
+from endolock.hw.errors import StateError as StateError
+
 AXES = ("up_down", "left_right")
 """The two handle axes, in the order used everywhere."""
 
 Vector = NDArray[np.float64]
 Image = NDArray[np.uint8]
-
-
-class EndolockError(Exception):
-    """Root of all errors a user can meet; the text says what was wanted, what came, what to do."""
-
-
-class ConfigError(EndolockError, ValueError):
-    """A scenario, option, parameter or file is not usable (exit code 2)."""
-
-
-class HardwareError(EndolockError, RuntimeError):
-    """Something between the command and the handle went wrong (exit code 3).
-
-    Args:
-        message: what happened and what to do next.
-        t: clock time of the event [s].
-        axis: name of the axis concerned, where there is one.
-    """
-
-    def __init__(self, message: str, *, t: float, axis: str | None = None) -> None:
-        super().__init__(message)
-        self.t = t
-        self.axis = axis
-
-
-class StateError(HardwareError):
-    """The call does not fit the present mode, for example a command before `enable()`."""
-
-
-class CommandError(HardwareError, ValueError):
-    """A command has the wrong shape or is not finite; the previous goal stays."""
-
-
-class LinkError(HardwareError, ConnectionError):
-    """The line to the handles cannot be used."""
-
-
-class PortBusy(LinkError):
-    """Another program holds the port."""
-
-
-class PortGone(LinkError):
-    """The port is not there, or was unplugged; latched until `clear_fault()`."""
-
-
-class LinkLost(LinkError):
-    """No fresh state came within the allowed age; latched until `clear_fault()`."""
-
-
-Fault = Literal[
-    "watchdog", "overload", "overheat", "voltage", "encoder", "following", "estop", "reset"
-]
-"""What a device or its guard may stop for."""
-
-
-class DeviceFault(HardwareError):
-    """A device or its guard stopped the motion; latched until `clear_fault()`.
-
-    Args:
-        message: what happened and what to do next.
-        kind: what tripped: watchdog, overload, overheat, voltage, encoder, following, estop or
-            reset.
-        t: clock time of the event [s].
-        axis: name of the axis concerned, where there is one.
-    """
-
-    def __init__(self, message: str, *, kind: Fault, t: float, axis: str | None = None) -> None:
-        super().__init__(message, t=t, axis=axis)
-        self.kind = kind
 
 
 class Clock(Protocol):
@@ -444,6 +388,17 @@ class Truth(Protocol):
         """
 
 
+class Line(Protocol):
+    """What carries bytes to the handles and back."""
+
+    def record(self, path: Path) -> None:
+        """Keep every byte from now on in a new file.
+
+        Raises:
+            ConfigError: it cannot be written.
+        """
+
+
 class Rig(Protocol):
     """A clock, handles and a camera: everything a target lock needs, simulated or real."""
 
@@ -474,6 +429,10 @@ class Rig(Protocol):
     @property
     def truth(self) -> Truth | None:
         """The truth; None on hardware."""
+
+    @property
+    def line(self) -> Line | None:
+        """The line to the handles; None where there is none."""
 
     def describe(self) -> Mapping[str, Any]:
         """Return what a run folder must say of it: plain values, by section."""

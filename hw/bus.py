@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from struct import pack
 
 from endolock.hw import registers as reg
 from endolock.hw.api import Clock, HardwareError, LinkError, LinkLost
+from endolock.hw.bus_log import BusLog
 from endolock.hw.packets import (
     ALERT,
     BROADCAST,
@@ -54,6 +56,7 @@ class Bus:
     ) -> None:
         self.port, self._clock, self._names = port, clock, names
         self._timeout_s = timeout_s
+        self._log: BusLog | None = None
         self._parser = Parser()
         self._ids = tuple(names)
         self._places = {device: place for place, device in enumerate(self._ids)}
@@ -66,9 +69,20 @@ class Bus:
         self._told(self.port.open)
         self._parser.reset()
 
+    def record(self, path: Path) -> None:
+        """Keep every byte from now on in a new file; see `hw/bus_log.py`.
+
+        Raises:
+            ConfigError: it cannot be written.
+        """
+        self._log = BusLog(path)
+
     def close(self) -> None:
-        """Close the port."""
+        """Close the port, and the log where there is one."""
         self.port.close()
+        if self._log:
+            self._log.close()
+            self._log = None
 
     def ping(self, device: int) -> tuple[int, int]:
         """Return model number and firmware version of a motor."""
@@ -109,7 +123,7 @@ class Bus:
         data = pack("<HH", *register)
         for device, value in values.items():
             data += bytes((device,)) + (value % (1 << 8 * size)).to_bytes(size, "little")
-        self._told(lambda: self.port.send(encode(BROADCAST, Instruction.SYNC_WRITE, data)))
+        self._told(lambda: self._send(encode(BROADCAST, Instruction.SYNC_WRITE, data)))
 
     def sync_read(
         self, devices: Sequence[int], register: Register, *, fast: bool = False
@@ -174,10 +188,10 @@ class Bus:
         missing = len(found)
         try:
             self._drain()
-            self.port.send(request)
+            self._send(request)
             give_up = time.monotonic() + self._timeout_s
             while missing:
-                data = self.port.receive(give_up - time.monotonic())
+                data = self._receive(give_up - time.monotonic())
                 if not data:
                     break
                 for packet in self._parser.feed(data):
@@ -232,10 +246,10 @@ class Bus:
 
         def talk() -> None:
             self._drain()
-            self.port.send(request)
+            self._send(request)
             give_up = time.monotonic() + self._timeout_s
             while count is None or len(found) < count:
-                data = self.port.receive(give_up - time.monotonic())
+                data = self._receive(give_up - time.monotonic())
                 if not data:
                     return
                 for packet in self._parser.feed(data):
@@ -250,8 +264,19 @@ class Bus:
         """Throw away what is left of the past."""
         self._parser.reset()
         for _ in range(64):  # who never falls silent is no bus; then let the caller see nothing
-            if not self.port.receive(0.0):
+            if not self._receive(0.0):
                 return
+
+    def _send(self, data: bytes) -> None:
+        if self._log:
+            self._log.append(self._clock.now(), False, data)
+        self.port.send(data)
+
+    def _receive(self, timeout_s: float) -> bytes:
+        data = self.port.receive(timeout_s)
+        if self._log and data:
+            self._log.append(self._clock.now(), True, data)
+        return data
 
     def _told(self, call: Callable[[], None]) -> None:
         try:

@@ -109,7 +109,7 @@ class Servo:
         baud: int = 3,
     ) -> None:
         self._motor, self._now, self._units = motor, now, units or Units()
-        self._reboot_s = reboot_s
+        self.reboot_s = reboot_s
         self._table = bytearray(reg.END)
         self._store(reg.ID, device)
         self._store(reg.BAUD, baud)
@@ -226,7 +226,7 @@ class Servo:
     def reboot(self) -> None:
         """Start anew: torque off, all but the EEPROM forgotten, whole turns too."""
         self._start(self._within_a_turn())
-        self._started = self._now() + self._reboot_s
+        self._started = self._now() + self.reboot_s
 
     def fail(self, kind: Fault) -> None:
         """Latch a hardware error.

@@ -21,7 +21,6 @@ from endolock.scripts.hysteresis_protocol import SPEED_RAD_S, TURNS_DEG, Protoco
 from endolock.scripts.progress import progress
 from endolock.twin import instruments
 from endolock.twin import scenario as scenarios
-from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario, Tracker
 
 BENDS_DEG = (0, 30, 60, 90)
@@ -191,7 +190,6 @@ def _strokes(
         numerics=request.numerics,
         seed=request.seed,
     )
-    assert isinstance(rig, TwinRig)  # whatever else there is knows no tracker, and said so
     quarters = 15.0 if whole else 5.0
     expected_s = quarters * USUAL_CREST_RAD / SPEED_RAD_S + (32.0 if whole else 0.0)
     with rig, progress("strokes", round(expected_s), show_progress) as tell:

@@ -4,6 +4,7 @@
     ticks.arrows    one row per control period
     frames.arrows   one row per delivered frame, with its pictures as JPEG
     metrics.json    the run record; the last thing written
+    bus.log         every byte of the line to the handles, where there is one
 
 The tables are Arrow IPC streams: rows are appended and never touched again, and `read` takes a
 stream that ends anywhere, so a killed run is readable up to its last complete group of rows: that
@@ -32,6 +33,8 @@ import tomli_w
 from endolock.control.loop import Seen, Tick
 from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
 
+BUS_LOG = "bus.log"
+"""Every byte of the line to the handles, where there is one; see hw/bus_log.py."""
 PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
 """Whose versions go into run.toml."""
 JPEG_QUALITY = 75

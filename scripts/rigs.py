@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from itertools import pairwise
 from math import radians
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,10 @@ from endolock.control import hysteresis, quasi_static
 from endolock.control.hysteresis import ONE_PLAY, Plays
 from endolock.control.quasi_static import Geometry
 from endolock.hw.api import ConfigError, Vector
+from endolock.hw.bench import Bench
+from endolock.hw.serial_rig import SerialRig
 from endolock.scripts.checks import cable_of
+from endolock.twin.hil import HilRig
 from endolock.twin.instrument import NUMERICS, Instrument
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
@@ -23,8 +27,11 @@ from endolock.vision.observation import Eyes
 from endolock.vision.track import Selection, TrackEyes
 from endolock.vision.truth import TruthEyes
 
-RIGS = ("twin", "surrogate", "play")
+RIGS = ("twin", "hil", "hil:wall", "surrogate", "play")
+"""And serial:PORT."""
+SERIAL = "serial:"
 VISIONS = ("markers", "track", "truth")
+AnyRig = TwinRig | HilRig | SurrogateRig | SerialRig
 RADII = tuple(float(r) for r in np.linspace(0.0, 0.6, 25))
 """Half-widths of plays that are fitted to an instrument [rad]."""
 
@@ -39,11 +46,12 @@ def make(
     seed: int,
     overview: bool = False,
     select: Selection | None = None,
-) -> tuple[TwinRig | SurrogateRig, Eyes]:
+    bench: Bench | None = None,
+) -> tuple[AnyRig, Eyes]:
     """Make a rig, with its first picture taken, and what looks at its frames.
 
     Args:
-        rig: kind of rig, one of `RIGS`.
+        rig: kind of rig, one of `RIGS`, or serial:PORT.
         scenario: what happens in front of it.
         vision: kind of eyes, one of `VISIONS`; truth takes no pictures.
         instrument: what the endoscope is made of.
@@ -51,6 +59,7 @@ def make(
         seed: of every random number.
         overview: whether a fixed camera takes pictures too.
         select: rectangle of the first picture to follow, with track only.
+        bench: what a serial rig is made of; its file in this folder, or the defaults, if None.
 
     Raises:
         ConfigError: one of the names is unknown or does not fit the others, pictures cannot be
@@ -59,34 +68,48 @@ def make(
     check(rig, vision, numerics)
     if select and vision != "track":
         raise ConfigError(f"--select goes with --vision track, not with {vision}")
-    if rig != "twin":
+    if rig.startswith(SERIAL):
+        real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
+        return real, _picture_eyes(real, vision, select)
+    if not rig.startswith(("twin", "hil")):
         plays = plays_behind(rig, instrument, scenario.shaft_bend_deg)
         model = SurrogateRig(scenario, plays=plays, instrument=instrument, seed=seed)
         model.clock.sleep_until(0.0)
         return model, exact_eyes(model, scenario, seed)
-    pictures = vision != "truth"
-    twin = TwinRig(
-        scenario,
-        instrument=instrument,
-        numerics=NUMERICS[numerics],
-        seed=seed,
-        pictures=pictures,
-        overview=overview,
-    )
-    twin.clock.sleep_until(0.0)
-    calibration = twin.camera.calibration
-    if vision == "truth":
-        return twin, exact_eyes(twin, scenario, seed)
-    if vision == "markers":
-        return twin, MarkerEyes(calibration, twin.board)
-    eyes = TrackEyes(calibration, twin.board, select)
-    if select:
-        left, top, width, height = select
-        twin.aim((left + (width - 1) / 2, top + (height - 1) / 2))
+    options: dict[str, Any] = {
+        "instrument": instrument,
+        "numerics": NUMERICS[numerics],
+        "seed": seed,
+        "pictures": vision != "truth",
+        "overview": overview,
+    }
+    twin: TwinRig | HilRig
+    if rig == "twin":
+        twin = TwinRig(scenario, **options)
+    else:
+        twin = HilRig(scenario, **options, wall=rig == "hil:wall")
+    try:
+        twin.clock.sleep_until(0.0)
+        if vision == "truth":
+            return twin, exact_eyes(twin, scenario, seed)
+        eyes = _picture_eyes(twin, vision, select)
+        if select:
+            left, top, width, height = select
+            twin.aim((left + (width - 1) / 2, top + (height - 1) / 2))
+    except BaseException:
+        twin.close()
+        raise
     return twin, eyes
 
 
-def exact_eyes(rig: TwinRig | SurrogateRig, scenario: Scenario, seed: int) -> TruthEyes:
+def _picture_eyes(rig: AnyRig, vision: str, select: Selection | None) -> Eyes:
+    calibration = rig.camera.calibration
+    if vision == "markers":
+        return MarkerEyes(calibration, rig.board)
+    return TrackEyes(calibration, rig.board, select)
+
+
+def exact_eyes(rig: TwinRig | HilRig | SurrogateRig, scenario: Scenario, seed: int) -> TruthEyes:
     """Make eyes that need no pictures, with the noise that the scenario wants."""
     noise_px = scenario.camera.truth_noise_px
     return TruthEyes(rig.truth, noise_px, generator(seed, "vision.noise"))
@@ -98,16 +121,19 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
     Raises:
         ConfigError: they do not.
     """
+    serial = rig.startswith(SERIAL) and len(rig) > len(SERIAL)
     for what, name, known in (
-        ("rig", rig, RIGS),
+        ("rig", rig, (*RIGS, rig if serial else "serial:PORT")),
         ("vision", vision, VISIONS),
         ("numerics", numerics, tuple(NUMERICS)),
     ):
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
             raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
-    if rig != "twin" and vision != "truth":
+    if rig in ("surrogate", "play") and vision != "truth":
         raise ConfigError(f"rig {rig} takes no pictures for {vision}; use --vision truth")
+    if serial and vision == "truth":
+        raise ConfigError(f"rig {rig} knows no truth; use --vision markers or track")
 
 
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:

@@ -17,7 +17,9 @@ from rich.table import Table
 from endolock.control import laws, loop, metrics
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain
+from endolock.hw import bench as benches
 from endolock.hw.api import ConfigError
+from endolock.hw.bench import Bench
 from endolock.scripts import output, recorder, rigs, variation
 from endolock.scripts.progress import progress
 from endolock.twin.instrument import Instrument
@@ -42,8 +44,11 @@ class Request:
     predictive_bank, oracle (knows the truth: a floor), or a .py file that defines
     make(calibration)."""
     rig: str = "twin"
-    """What to drive: twin; surrogate (plays fitted to the instrument, no physics, no pictures); or
-    play (the same with one play of constant width)."""
+    """What to drive: twin; hil (the twin at the end of a serial line, in lock-step; hil:wall by the
+    wall clock); serial:PORT (a bench); surrogate (plays fitted to the instrument, no physics, no
+    pictures); or play (the same with one play of constant width)."""
+    bench: tyro.conf.DisallowNone[Path | None] = None
+    """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
@@ -131,6 +136,8 @@ class Resolved(NamedTuple):
     """Of the law; None of a law from a file."""
     changes: dict[str, Any]
     """What differs from the scenario's file, by dotted key."""
+    bench: Bench | None
+    """What a serial rig is made of."""
 
 
 def resolve(request: Request) -> Resolved:
@@ -142,7 +149,11 @@ def resolve(request: Request) -> Resolved:
     laws.check(request.controller)
     rigs.check(request.rig, request.vision)
     selection(request.select)
-    task = variation.apply(request.scenario, request.instrument, request.vary, overrides(request))
+    bench = _bench(request)
+    changed = overrides(request)
+    if bench:  # what the bench's camera is like is no choice of the scenario
+        changed.setdefault("camera.latency_s", bench.camera.latency_s)
+    task = variation.apply(request.scenario, request.instrument, request.vary, changed)
     scenario = task.scenario
     if scenario.scored_from_s >= scenario.duration_s:
         raise ConfigError(
@@ -158,7 +169,20 @@ def resolve(request: Request) -> Resolved:
     settings = laws.configure(request.controller, task.law, known)
     if task.law and not request.force:
         _check_stable(request.controller, settings, scenario)
-    return Resolved(scenario, task.instrument, settings, task.changes)
+    return Resolved(scenario, task.instrument, settings, task.changes, bench)
+
+
+def _bench(request: Request) -> Bench | None:
+    """Read what a serial rig is made of; None for other rigs.
+
+    Raises:
+        ConfigError: it cannot be read, or is given for another rig.
+    """
+    if request.rig.startswith(rigs.SERIAL):
+        return benches.load(request.bench)
+    if request.bench is not None:
+        raise ConfigError(f"--bench goes with --rig serial:PORT, not with {request.rig}")
+    return None
 
 
 def _check_stable(name: str, settings: Any, scenario: Scenario) -> None:
@@ -204,7 +228,7 @@ def perform(
         ConfigError: the request cannot be carried out; nothing was written.
         HardwareError: the handles stopped; the folder holds everything up to there.
     """
-    scenario, instrument, settings, _ = resolve(request)
+    scenario, instrument, settings, _, bench = resolve(request)
     rig, eyes = rigs.make(
         request.rig,
         scenario,
@@ -213,6 +237,7 @@ def perform(
         seed=request.seed,
         overview=True,
         select=selection(request.select),
+        bench=bench,
     )
     with rig:
         controller = laws.make(request.controller, rig.camera.calibration, settings, rig.truth)
@@ -224,6 +249,8 @@ def perform(
             **rig.describe(),
         }
         folder = recorder.RunFolder(path, configuration)
+        if rig.line:
+            rig.line.record(path / recorder.BUS_LOG)
         start = time.perf_counter()
         try:
             with progress(f"{label} {name}".strip(), scenario.duration_s, show_progress) as tell:

@@ -16,6 +16,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from endolock.hw import registers as reg
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose, TruthSample
 from endolock.hw.emulated_bus import EmulatedBus
 from endolock.hw.emulator import Emulator
@@ -27,6 +28,8 @@ from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario
 
+RESTART_S = 0.3
+"""A servo answers nothing for so long after a restart, in wall time [s]. Assumed."""
 AWAY_S = 0.005
 """While nobody has the line open, it is looked at this often [s]."""
 
@@ -41,9 +44,11 @@ class Setup:
     seed: int
     pictures: bool
     overview: bool
-    origin: float | None
-    """Zero of the wall clock; None in lock-step."""
+    wall: bool
+    """Whether time is that of the wall; else lock-step."""
     paced: bool
+    baud: int
+    """That the servos are set to [1/s]."""
     faults: tuple[WireFault, ...]
     link: Path | None = None
     """Name of the line."""
@@ -54,6 +59,8 @@ class Ready:
     """What the near end is told."""
 
     port: str
+    origin: float | None
+    """Zero of the wall clock; None in lock-step."""
     timestep_s: float
     calibration: Calibration
     board: BoardGeometry
@@ -70,7 +77,6 @@ class FarEnd:
     """
 
     def __init__(self, setup: Setup) -> None:
-        wall = None if setup.origin is None else WallClock(setup.origin)
         self.rig = TwinRig(
             setup.scenario,
             instrument=setup.instrument,
@@ -80,18 +86,22 @@ class FarEnd:
             overview=setup.overview,
         )
         self.rig.clock.sleep_until(0.0)  # the first picture, and whether there is OpenGL
-        self.wall = wall
         now = self.rig.clock.now
         bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
         self.line = PtyLine(setup.link)
         self.emulator = Emulator(bus, self.line, paced=setup.paced)
         self._plugs = [f for f in setup.faults if f.kind == "unplug"]
+        for servo in self.rig.servos:
+            servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))
+            servo.reboot_s = RESTART_S if setup.wall else 0.0
+        self.wall = WallClock() if setup.wall else None
 
     def ready(self) -> Ready:
         """Describe what there is."""
         rig = self.rig
         return Ready(
             port=self.line.path,
+            origin=self.wall.origin if self.wall else None,
             timestep_s=rig.clock.timestep_s,
             calibration=rig.camera.calibration,
             board=rig.board,

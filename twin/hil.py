@@ -80,7 +80,6 @@ class HilRig:
             raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
         self.scenario = load(scenario)
         made = instrument or Instrument()
-        clock = WallClock() if wall else None
         self._far = _Far()
         try:
             ready: Ready = self._far.start(
@@ -91,15 +90,18 @@ class HilRig:
                     seed=seed,
                     pictures=pictures,
                     overview=overview,
-                    origin=clock.origin if clock else None,
+                    wall=wall,
                     paced=paced,
+                    baud=BAUD,
                     faults=tuple(faults),
                 )
             )
         except BaseException:
             self._far.close()
             raise
-        self.clock: Clock = clock or _LockStep(self._far, ready.timestep_s)
+        self.clock: Clock = (
+            WallClock(ready.origin) if wall else _LockStep(self._far, ready.timestep_s)
+        )
         self.board = ready.board
         self._described = ready.described
         handles = motor.handles(made)
@@ -109,7 +111,9 @@ class HilRig:
         self.drive = ServoDrive(self.line, self.clock, handles, motor.units(made))
         self.actuators = Guard(self.drive)
         self.camera = _FarCamera(self._far, "frame", ready.calibration)
-        self.overview = ready.overview and _FarCamera(self._far, "overview", ready.overview)
+        self.overview: _FarCamera | None = None
+        if ready.overview is not None:
+            self.overview = _FarCamera(self._far, "overview", ready.overview)
         self.tracker = _FarTracker(self._far) if ready.tracked else None
         self.truth = _FarTruth(self._far)
 

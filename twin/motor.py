@@ -60,17 +60,16 @@ def units(instrument: Instrument) -> Units:
     )
 
 
-def servos(plant: TwinPlant, now: Callable[[], float], reboot_s: float = 0.0) -> tuple[Servo, ...]:
+def servos(plant: TwinPlant, now: Callable[[], float]) -> tuple[Servo, ...]:
     """Put a servo on each handle of a plant.
 
     Args:
         plant: its handles are turned.
         now: the servos' clock [s].
-        reboot_s: how long one answers nothing after a restart [s].
     """
     counting = units(plant.instrument)
     return tuple(
-        Servo(TwinMotor(plant, axis), device=handle.id, now=now, units=counting, reboot_s=reboot_s)
+        Servo(TwinMotor(plant, axis), device=handle.id, now=now, units=counting)
         for axis, handle in handles(plant.instrument).items()
     )
 

@@ -77,6 +77,8 @@ class TwinRig:
         ConfigError: the scenario cannot be used.
     """
 
+    line = None
+
     def __init__(
         self,
         scenario: str | Path | Scenario = "straight",

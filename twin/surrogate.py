@@ -58,6 +58,7 @@ class SurrogateRig:
 
     overview = None
     tracker = None
+    line = None
 
     def __init__(
         self,

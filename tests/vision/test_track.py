@@ -44,6 +44,7 @@ def test_a_selection_becomes_the_target_of_truth_and_markers() -> None:
     rig, eyes = rigs.make(
         "twin", loaded, vision="track", instrument=Instrument(), seed=0, select=select
     )
+    assert isinstance(rig, TwinRig)
     with rig:
         errors, apart = [], []
         for n in range(30):

@@ -1,0 +1,169 @@
+"""The raw log of a bus: every byte that went out or came in, with its time, append-only.
+
+A file is the eight bytes `ENDOBUS1` and then records of
+
+    time [s], float64 | direction, uint8: 0 out, 1 in | count, uint16 | the bytes      little-endian
+
+Each record is handed to the system whole, in one write, so after a kill the file is readable up to
+the last one. Nothing is interpreted here; a log can be decoded, and replayed through the same bus
+and drive that wrote it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from struct import Struct
+from typing import NamedTuple
+
+from endolock.hw.api import ConfigError
+
+MAGIC = b"ENDOBUS1"
+_HEAD = Struct("<dBH")
+
+
+class Record(NamedTuple):
+    """Bytes that went one way together."""
+
+    t: float
+    """Clock time [s]."""
+    came_in: bool
+    data: bytes
+
+
+class BusLog:
+    """Writes a log.
+
+    Args:
+        path: a new file.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {path}: {error.strerror}; give another folder with --out"
+            ) from None
+        os.write(self._fd, MAGIC)
+
+    def append(self, t: float, came_in: bool, data: bytes) -> None:
+        """Keep what went one way; at most 65535 bytes.
+
+        Raises:
+            ConfigError: the disk is full, or gone.
+        """
+        try:
+            os.write(self._fd, _HEAD.pack(t, came_in, len(data)) + data)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {self._path}: {error.strerror}; make room, or give another folder "
+                "with --out"
+            ) from None
+
+    def close(self) -> None:
+        """Let go of the file; may be called twice."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+
+def read(path: Path) -> Iterator[Record]:
+    """Yield the records of a log, up to its last whole one.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}; give a run of a bus") from None
+    if not data.startswith(MAGIC):
+        raise ConfigError(f"{path} is no log of a bus; give the bus.log of a run folder")
+    at = len(MAGIC)
+    while at + _HEAD.size <= len(data):
+        t, came_in, size = _HEAD.unpack_from(data, at)
+        at += _HEAD.size
+        if at + size > len(data):
+            return
+        yield Record(t, bool(came_in), data[at : at + size])
+        at += size
+
+
+class Exchange(NamedTuple):
+    """What went out at once, and all that came in until the next."""
+
+    t: float
+    """When it went out [s]."""
+    request: bytes
+    answers: tuple[Record, ...]
+
+
+def exchanges(records: Iterable[Record]) -> Iterator[Exchange]:
+    """Group records by requests; what came before the first belongs to none."""
+    out: Record | None = None
+    answers: list[Record] = []
+    for record in records:
+        if record.came_in:
+            answers.append(record)
+            continue
+        if out is not None:
+            yield Exchange(out.t, out.data, tuple(answers))
+        out, answers = record, []
+    if out is not None:
+        yield Exchange(out.t, out.data, tuple(answers))
+
+
+class ReplayPort:
+    """Plays one exchange after the other; see `hw.port.Port`. Time is that of the log."""
+
+    name = "replay"
+    realtime = False
+    timestep_s = 0.0
+
+    def __init__(self) -> None:
+        self._exchange = Exchange(0.0, b"", ())
+        self._coming: list[Record] = []
+        self._now = 0.0
+        self.same = True
+        """Whether all that was sent is what the log says was sent."""
+
+    def load(self, exchange: Exchange) -> None:
+        """Take the next exchange."""
+        self._exchange, self._coming = exchange, []
+        self._now = exchange.t
+
+    def now(self) -> float:
+        """Time in the log [s]; it is the clock of the replay as well."""
+        return self._now
+
+    def sleep_until(self, t: float) -> float:
+        """Time goes on with the log alone."""
+        return self._now
+
+    def open(self) -> None:
+        """Nothing to do."""
+
+    def set_baud(self, baud: int) -> None:
+        """Nothing to do."""
+
+    def send(self, data: bytes) -> None:
+        """Compare with what was sent; what was answered can be received now."""
+        self.same = self.same and data == self._exchange.request
+        self._coming = list(self._exchange.answers)
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return what came then."""
+        if not self._coming:
+            return b""
+        record = self._coming.pop(0)
+        self._now = record.t
+        return record.data
+
+    def close(self) -> None:
+        """Nothing to do."""

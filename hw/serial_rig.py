@@ -1,0 +1,101 @@
+"""A real bench as a rig: two servos on a serial bus, and a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from endolock.hw import bench as benches
+from endolock.hw import boards
+from endolock.hw.api import HardwareError
+from endolock.hw.bench import Bench
+from endolock.hw.bus import Bus
+from endolock.hw.guard import Guard
+from endolock.hw.port import serial_port
+from endolock.hw.servo_drive import ServoDrive
+from endolock.hw.video import VideoCamera
+from endolock.hw.wall_clock import WallClock
+
+
+class SerialRig:
+    """A bench; it takes the place of a `TwinRig`, and knows no truth.
+
+    Laboratory software, not a medical device; see docs/safety.md.
+
+    Args:
+        port: serial port, best one of those in /dev/serial/by-id, which find the adapter again.
+        bench: what the bench is made of, or its file; bench.toml of this folder if None.
+        latency_s: of the video chain, in place of the bench's [s].
+
+    Raises:
+        ConfigError: the bench file or the camera cannot be used.
+    """
+
+    overview = None
+    tracker = None
+    truth = None
+
+    def __init__(
+        self,
+        port: str | Path,
+        bench: Bench | Path | None = None,
+        *,
+        latency_s: float | None = None,
+    ) -> None:
+        self.bench = made = bench if isinstance(bench, Bench) else benches.load(bench)
+        self.clock = WallClock()
+        names = {handle.id: axis for axis, handle in made.handles.items()}
+        self.line = Bus(serial_port(port, made.baud), self.clock, names)
+        self.drive = ServoDrive(self.line, self.clock, made.handles)
+        self.actuators = Guard(self.drive)
+        self.board = boards.prints()[made.board].geometry
+        self.camera = VideoCamera(
+            made.camera.source,
+            made.camera.geometry(),
+            self.clock,
+            latency_s=made.camera.latency_s if latency_s is None else latency_s,
+            frame_rate_hz=made.camera.frame_rate_hz,
+        )
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return bench, camera, board and line as plain values."""
+        return {
+            "bench": self.bench.model_dump(mode="json"),
+            "calibration": asdict(self.camera.calibration),
+            "board": asdict(self.board),
+            "line": self.drive.describe(),
+        }
+
+    def close(self) -> None:
+        """Switch the handles off, let go of port and camera; may be called twice."""
+        try:
+            self.actuators.close()
+        finally:
+            self.line.close()
+            self.camera.close()
+
+    def __enter__(self) -> Self:
+        """Connect the handles."""
+        try:
+            self.actuators.connect()
+        except BaseException:
+            self.camera.close()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close, without hiding an exception on its way out."""
+        try:
+            self.close()
+        except HardwareError as second:
+            if error is None:
+                raise
+            error.add_note(f"and the handles could not be closed: {second}")
