@@ -174,7 +174,7 @@ class ServoDrive:
 
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
         """Return the nearest goal that the motors can hold [rad]."""
-        return self._angles(self._counts(goal))
+        return self.angles(self._counts(goal))
 
     def hold(self) -> tuple[float, ...] | None:
         """Stop every motor that still listens where it is, whatever is wrong with the others.
@@ -190,7 +190,7 @@ class ServoDrive:
             for block, heard in zip(self._blocks, fresh, strict=True)
         ]
         self._cycle(places)
-        return self._angles(places)
+        return self.angles(places)
 
     def torque(self, on: bool) -> None:
         """Switch torque; it comes on only where the goal has arrived, the watchdog last.
@@ -367,12 +367,12 @@ class ServoDrive:
         return Reading(
             t=t,
             t_err=t_err,
-            position=self._angles([block.position for block in blocks]),
+            position=self.angles([block.position for block in blocks]),
             velocity=tuple(b.velocity * units.velocity_rad_s * s for b, s in speeds),
             current=tuple(b.current * units.current_a * h.direction for b, h in currents),
             fresh=all(fresh),
             device_tick=tick,
-            target=self._angles([block.goal for block in blocks]),
+            target=self.angles([block.goal for block in blocks]),
             silent=tuple(a for a, f in zip(self.axes, fresh, strict=True) if not f),
         )
 
@@ -428,7 +428,8 @@ class ServoDrive:
         rows = zip(goal, self._step, self._zeros, strict=True)
         return [round(angle / step) + (zero or 0) for angle, step, zero in rows]
 
-    def _angles(self, counts: Sequence[int]) -> tuple[float, ...]:
+    def angles(self, counts: Sequence[int]) -> tuple[float, ...]:
+        """Return the handle angles at positions of the motors [rad]."""
         rows = zip(counts, self._step, self._zeros, strict=True)
         return tuple((count - (zero or 0)) * step for count, step, zero in rows)
 

@@ -97,8 +97,10 @@ def _dispatch(args: list[str]) -> int:
         from endolock.scripts import (
             bench,
             board,
+            bus,
             calibrate,
             compare,
+            emulator,
             hysteresis,
             identify,
             latency,
@@ -123,7 +125,9 @@ def _dispatch(args: list[str]) -> int:
         | Annotated[board.Request, tyro.conf.subcommand("board")]
         | Annotated[calibrate.Request, tyro.conf.subcommand("calibrate")]
         | Annotated[watch.Request, tyro.conf.subcommand("watch")]
+        | Annotated[bus.Request, tyro.conf.subcommand("bus")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
+        | Annotated[emulator.Request, tyro.conf.subcommand("emulator")]
         | Annotated[doctor.Request, tyro.conf.subcommand("doctor")]
         | Annotated[bench.Request, tyro.conf.subcommand("bench")]
     )
@@ -136,7 +140,9 @@ def _dispatch(args: list[str]) -> int:
         board.Request: board.main,
         calibrate.Request: calibrate.main,
         watch.Request: watch.main,
+        bus.Request: bus.main,
         view.Request: view.main,
+        emulator.Request: emulator.main,
         bench.Request: bench.main,
     }
     request = parse(commands, "endolock", args)

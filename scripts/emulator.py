@@ -1,0 +1,82 @@
+"""`endolock emulator`: two servos on a serial line whose motors turn the twin's handles."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from endolock.hw.api import ConfigError
+from endolock.hw.registers import BAUDS
+from endolock.hw.wire_faults import parse
+from endolock.twin import instruments, scenario
+from endolock.twin.far_end import FarEnd, Setup
+from endolock.twin.instrument import NUMERICS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Emulate two Dynamixel X-series servos, ids 1 and 2, on a pseudo-terminal, until Ctrl-C.
+
+    Whatever opens it, such as endolock run --rig serial:PATH or a script of the vendor's library,
+    finds motors that turn the handles of a simulated endoscope.
+    """
+
+    link: tyro.conf.DisallowNone[Path | None] = None
+    """Name for the line, a symbolic link that is replaced; else /dev/pts/N, which is printed."""
+    baud: int = 1_000_000
+    """Baud rate the servos are set to; clients with another one are not understood."""
+    paced: bool = True
+    """Answer as slowly as a wire would; --no-paced: at once."""
+    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """What goes wrong, may be given several times: drop, flip, duplicate, insert, truncate, late or
+    lost as in flip=0.05 (share of packets); reset, overload, overheat, voltage or encoder as in
+    reset:2@5 (motor, seconds); silence or unplug as in unplug@3+1 (for so long)."""
+    instrument: str = "pretensioned"
+    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    seed: int = 0
+    """Of what goes wrong by chance."""
+
+
+def main(request: Request) -> int:
+    """Carry out `endolock emulator`; return the exit code."""
+    if request.baud not in BAUDS:
+        known = ", ".join(map(str, BAUDS))
+        raise ConfigError(f"baud {request.baud} is none of a servo's; use {known}")
+    if request.seed < 0:
+        raise ConfigError(f"seed {request.seed}; use a whole number, 0 or more")
+    setup = Setup(
+        scenario=scenario.load("rest"),
+        instrument=instruments.load(request.instrument),
+        numerics=NUMERICS["default"],
+        seed=request.seed,
+        pictures=False,
+        overview=False,
+        wall=True,
+        paced=request.paced,
+        baud=request.baud,
+        faults=tuple(parse(text) for text in request.fault),
+        link=request.link,
+    )
+    asked: list[int] = []
+    before = {
+        number: signal.signal(number, lambda n, _: asked.append(n))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    end = FarEnd(setup)
+    try:
+        Console(highlight=False).print(
+            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}; Ctrl-C ends",
+            soft_wrap=True,
+            markup=False,
+        )
+        end.serve(None, lambda: bool(asked))
+    finally:
+        end.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return 0
