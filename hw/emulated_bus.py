@@ -21,7 +21,7 @@ from endolock.hw.packets import (
 )
 from endolock.hw.servo import Refused, Servo
 
-UNFINISHED_S = 0.01
+UNFINISHED_S = 0.003
 """A packet that stops half-way is given up after so long [s]. Assumed."""
 
 

@@ -94,7 +94,7 @@ def encode_fast(answers: list[tuple[int, int, bytes]]) -> bytes:
     """Return the one packet in which several devices answer a fast sync read, without stuffing.
 
     Each device closes its part with the checksum of all bytes up to there; the last one's is the
-    packet's. Assumed from the layout of the e-Manual.
+    packet's.
 
     Args:
         answers: error byte, id and data of each device.
@@ -152,7 +152,8 @@ class Parser:
         while True:
             start = held.find(_MARK)
             if start < 0:
-                del held[: max(0, len(held) - 2)]  # the rest may begin a header
+                begun = 2 if held.endswith(b"\xff\xff") else held.endswith(b"\xff")
+                del held[: len(held) - begun]
                 return found
             if start:
                 del held[:start]
@@ -170,9 +171,9 @@ class Parser:
                 self.damaged += 1
                 del held[:1]
                 continue
-            parameters = raw[8:-2]
-            fast = device == BROADCAST and raw[7] == Instruction.STATUS
-            if _STUFFED in parameters and not fast:
-                parameters = parameters.replace(_STUFFED, _MARK)
-            found.append(Packet(device, raw[7], parameters))
+            body = raw[7:-2]
+            fast = device == BROADCAST and body[0] == Instruction.STATUS
+            if _STUFFED in body and not fast:
+                body = body.replace(_STUFFED, _MARK)
+            found.append(Packet(device, body[0], body[1:]))
             del held[:end]

@@ -10,9 +10,8 @@ import random
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
-from endolock.hw.api import ConfigError, Fault
+from endolock.hw.api import ConfigError
 from endolock.hw.emulated_bus import EmulatedBus
 from endolock.hw.packets import HEADER, Instruction
 
@@ -88,12 +87,11 @@ class FaultyBus:
         self._bus, self._now = bus, now
         self.servos = bus.servos
         self._random = random.Random(seed)
-        self._chances = [fault for fault in faults if fault.kind in BY_CHANCE]
-        self._pending = sorted(
-            (f for f in faults if f.kind in get_args(Fault) and f.kind in ONCE),
-            key=lambda fault: fault.at_s,
-        )
-        self._silences = [fault for fault in faults if fault.kind == "silence"]
+        self._chances: list[WireFault] = []
+        self._pending: list[WireFault] = []
+        self._silences: list[WireFault] = []
+        for fault in faults:
+            self.add(fault)
         self._held: list[bytes] = []
         self.struck = 0
         """Packets that chance has struck so far."""
@@ -107,6 +105,20 @@ class FaultyBus:
         answers = self._bus.hear(arrived, baud)
         now, self._held = self._held, []
         return now + [self._spoilt(answer, request=False) for answer in answers]
+
+    def add(self, fault: WireFault) -> None:
+        """Let one more thing go wrong; to unplug is not the wire's."""
+        if fault.kind in BY_CHANCE:
+            self._chances.append(fault)
+        elif fault.kind == "silence":
+            self._silences.append(fault)
+        elif fault.kind != "unplug":
+            self._pending = sorted([*self._pending, fault], key=lambda f: f.at_s)
+
+    def mend(self) -> None:
+        """Let nothing more go wrong."""
+        for faults in (self._chances, self._silences, self._pending, self._held):
+            faults.clear()
 
     def happen(self) -> None:
         """Let what is due to happen to a motor happen."""

@@ -10,7 +10,12 @@ from typing import Protocol
 import pytest
 
 from endolock.hw.api import AXES, Clock, HardwareError, Limits
+from endolock.hw.bus import Bus
+from endolock.hw.emulated_bus import EmulatedBus
 from endolock.hw.guard import Guard, Reading
+from endolock.hw.loopback import Loopback
+from endolock.hw.servo_drive import ServoDrive
+from endolock.twin import motor
 from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
 
@@ -140,13 +145,26 @@ def _twin(*, blocked: bool = False) -> Guard:
     return TwinRig("rest", instrument=instrument, pictures=False).actuators
 
 
+def _emulated(*, blocked: bool = False) -> Guard:
+    # The same handles, behind bytes on a bus.
+    instrument = Instrument(handle_torque_nm=0.001) if blocked else Instrument()
+    rig = TwinRig("rest", instrument=instrument, pictures=False)
+    handles = motor.handles(instrument)
+    names = {handle.id: axis for axis, handle in handles.items()}
+    wire = EmulatedBus(rig.servos, rig.clock.now)
+    bus = Bus(Loopback(wire), rig.clock, names)
+    return Guard(ServoDrive(bus, rig.clock, handles, motor.units(instrument)))
+
+
 def _bench(*, blocked: bool = False) -> Guard:
     drive = BenchDrive()
     drive.blocked = blocked
     return Guard(drive)
 
 
-@pytest.fixture(scope="session", params=[_twin, _bench], ids=["twin", "bench"])
+@pytest.fixture(
+    scope="session", params=[_twin, _emulated, _bench], ids=["twin", "emulated", "bench"]
+)
 def make(request: pytest.FixtureRequest) -> Make:
     """Everything asked of a guard is asked in front of each drive."""
     chosen: Make = request.param
