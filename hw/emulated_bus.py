@@ -38,7 +38,6 @@ class EmulatedBus:
         self._now = now
         self._parser = Parser()
         self._last_s = 0.0
-        self._registered: dict[Servo, tuple[int, bytes]] = {}
         self._calls: dict[int, Callable[[Packet, list[Servo]], list[bytes]]] = {
             Instruction.PING: self._ping,
             Instruction.READ: self._read,
@@ -78,14 +77,16 @@ class EmulatedBus:
         if packet.instruction == Instruction.STATUS:
             return []
         call = self._calls.get(packet.instruction)
-        if call is None:
-            return [self._status(servo, Refusal.INSTRUCTION) for servo in here]
-        try:
-            return call(packet, here)
-        except (IndexError, ValueError):  # too short for what it says
-            if packet.id == BROADCAST:
-                return []
-            return [self._status(servo, Refusal.DATA_LENGTH) for servo in here]
+        why = Refusal.INSTRUCTION
+        if call is not None:
+            try:
+                return call(packet, here)
+            except (IndexError, ValueError):  # too short for what it says
+                why = Refusal.DATA_LENGTH
+        if packet.id == BROADCAST:
+            return []
+        level = 1 if packet.instruction == Instruction.READ else 2
+        return [self._status(servo, why) for servo in here if servo.status_level >= level]
 
     def _ping(self, _packet: Packet, here: list[Servo]) -> list[bytes]:
         answers = []
@@ -105,18 +106,10 @@ class EmulatedBus:
 
     def _register(self, packet: Packet, here: list[Servo]) -> list[bytes]:
         (address,) = _numbers(packet.parameters[:2])
-
-        def keep(servo: Servo) -> None:
-            self._registered[servo] = address, packet.parameters[2:]
-
-        return self._done(packet, here, keep)
+        return self._done(packet, here, lambda s: s.register(address, packet.parameters[2:]))
 
     def _act(self, packet: Packet, here: list[Servo]) -> list[bytes]:
-        def act(servo: Servo) -> None:
-            if kept := self._registered.pop(servo, None):
-                servo.write(*kept)
-
-        return self._done(packet, here, act)
+        return self._done(packet, here, lambda servo: servo.act())
 
     def _reboot(self, packet: Packet, here: list[Servo]) -> list[bytes]:
         answers = self._done(packet, here, lambda servo: None)
@@ -147,7 +140,8 @@ class EmulatedBus:
         parts = []
         for device in packet.parameters[4:]:
             servo = by_id.get(device)
-            if servo is None:  # each adds its part to that of the one before: the chain breaks
+            # Each adds its part to that of the one before: the chain breaks.
+            if servo is None or servo.status_level < 1:
                 return []
             try:
                 parts.append((self._error(servo, 0), device, servo.read(address, size)))
@@ -170,7 +164,8 @@ class EmulatedBus:
         rest = packet.parameters
         while len(rest) >= 5:
             device, address, size = unpack_from("<BHH", rest)
-            _quietly(here, device, address, rest[5 : 5 + size])
+            if len(rest) >= 5 + size:
+                _quietly(here, device, address, rest[5 : 5 + size])
             rest = rest[5 + size :]
         return []
 

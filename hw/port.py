@@ -7,6 +7,7 @@ read a hang-up and nothing else.
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import struct
@@ -61,6 +62,8 @@ if sys.platform == "linux":
     import termios
     import tty
 
+    _PTYS = range(136, 144)
+    """Major device numbers of pseudo-terminals."""
     # struct termios2 of asm-generic/termbits.h, which holds any baud rate; not on MIPS and PowerPC.
     _TERMIOS2 = struct.Struct("4IB19s2I")
     _TCGETS2, _TCSETS2, _BOTHER = 0x802C542A, 0x402C542B, 0o010000
@@ -107,20 +110,17 @@ if sys.platform == "linux":
             except OSError as error:
                 raise self._refused(error) from None
             try:
-                # The lock keeps out those who ask, TIOCEXCL those who do not (but not root).
+                # The lock keeps out those who ask, TIOCEXCL those who do not (but not root). A pty
+                # would stay exclusive if we were killed.
                 fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                fcntl.ioctl(fd, termios.TIOCEXCL)
+                if os.major(os.fstat(fd).st_rdev) not in _PTYS:
+                    fcntl.ioctl(fd, termios.TIOCEXCL)
                 tty.setraw(fd)  # VMIN = 1, VTIME = 0
                 set_any_baud(fd, self._baud)
                 termios.tcflush(fd, termios.TCIOFLUSH)
-            except termios.error as error:
+            except (OSError, termios.error) as error:
                 os.close(fd)
-                raise ConfigError(
-                    f"{path} is no serial port ({error.args[-1]}); list them with endolock doctor"
-                ) from None
-            except OSError as error:
-                os.close(fd)
-                raise self._refused(error) from None
+                raise self._refused(OSError(*error.args)) from None
             self._lasting = self._lasting or self._named()
             self._fd = fd
             self._poll = select.poll()
@@ -129,21 +129,23 @@ if sys.platform == "linux":
         def set_baud(self, baud: int) -> None:
             """Change the baud rate; see `Port.set_baud`."""
             self._baud = baud
-            set_any_baud(self._fd, baud)
+            try:
+                set_any_baud(self._fd, baud)
+            except (OSError, ValueError):  # ValueError: it is closed
+                raise self._gone() from None
 
         def send(self, data: bytes) -> None:
             """Write all bytes; see `Port.send`."""
             try:
-                sent = os.write(self._fd, data)
-                while sent < len(data):
-                    sent += self._push(data[sent:])
+                while data:
+                    data = data[self._push(data) :]
             except OSError:
                 raise self._gone() from None
 
         def receive(self, timeout_s: float) -> bytes:
             """Return what has come; see `Port.receive`."""
             try:
-                if not self._poll.poll(max(0.0, 1e3 * timeout_s)):
+                if self._fd >= 0 and not self._poll.poll(max(0.0, 1e3 * timeout_s)):
                     return b""
                 data = os.read(self._fd, 4096)
             except OSError:
@@ -156,7 +158,7 @@ if sys.platform == "linux":
             """Let go of it."""
             if self._fd >= 0:
                 fd, self._fd = self._fd, -1
-                # Tells whoever waits for the port at once; closing alone leaves a pty's exclusive.
+                # Closing alone leaves it exclusive where another process has inherited it.
                 try:
                     fcntl.ioctl(fd, termios.TIOCNXCL)
                 except OSError:
@@ -165,8 +167,11 @@ if sys.platform == "linux":
                     os.close(fd)
 
         def _push(self, data: bytes) -> int:
-            select.select([], [self._fd], [], 1.0)
-            return os.write(self._fd, data)
+            try:
+                return os.write(self._fd, data)
+            except BlockingIOError:  # full
+                select.select([], [self._fd], [], 1.0)
+                return os.write(self._fd, data)
 
         def _find(self) -> Path:
             """Return where it is now: under its lasting name, if it has one."""
@@ -182,7 +187,11 @@ if sys.platform == "linux":
 
         def _refused(self, error: OSError) -> Exception:
             path = self._path
-            if isinstance(error, BlockingIOError) or error.errno == 16:  # EBUSY
+            if error.errno in (errno.ENOTTY, errno.EISDIR):
+                return ConfigError(
+                    f"{path} is no serial port ({error.strerror}); list them with endolock doctor"
+                )
+            if error.errno in (errno.EAGAIN, errno.EBUSY):
                 return PortBusy(
                     f"{path} is in use by another program; end that, then connect again", t=0.0
                 )

@@ -40,6 +40,10 @@ class PortablePort:
                     f"{self.name} is in use by another program; end that, then connect again",
                     t=0.0,
                 ) from None
+            if "Could not configure port" in said:
+                raise ConfigError(
+                    f"{self.name} is no serial port ({said}); list them with endolock doctor"
+                ) from None
             raise PortGone(
                 f"{self.name} cannot be opened ({said}); plug it in, and see endolock doctor",
                 t=0.0,

@@ -31,6 +31,7 @@ class PtyLine:
 
     def __init__(self, link: Path | None = None) -> None:
         self._link = link
+        self._name = ""
         self._master = -1
         self.path = ""
         """The client's end; the link, if there is one."""
@@ -56,12 +57,15 @@ class PtyLine:
         master, slave = os.openpty()
         tty.setraw(slave)
         os.set_blocking(master, False)
-        name = os.ttyname(slave)
-        os.close(slave)  # the client's to open; held by us, it would stay exclusive after a crash
+        self.path = self._name = os.ttyname(slave)
+        os.close(slave)  # the client's to open; while nobody has it, poll tells of a hang-up
         self._master = master
-        self.path = name
         if self._link is not None:
-            self._point(name, self._link)
+            try:
+                self._point(self._name, self._link)
+            except ConfigError:
+                self.unplug()
+                raise
             self.path = str(self._link)
 
     def unplug(self) -> None:
@@ -101,11 +105,11 @@ class PtyLine:
         return True
 
     def close(self) -> None:
-        """Unplug and remove the link; may be called twice."""
+        """Unplug and remove the link, unless it leads elsewhere now; may be called twice."""
         self.unplug()
-        if self._link is not None and self._link.is_symlink():
-            self._link.unlink()
-            self._link = None
+        link, self._link = self._link, None
+        if link is not None and link.is_symlink() and str(link.readlink()) == self._name:
+            link.unlink()
 
     @staticmethod
     def _point(name: str, link: Path) -> None:

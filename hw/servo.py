@@ -50,7 +50,9 @@ _STARTED: tuple[tuple[Register, int], ...] = (
     (reg.VOLTAGE, 120),
     (reg.TEMPERATURE, 30),
 )
-_READ_ONLY = (range(7), range(reg.HARDWARE_ERROR.address, 71), range(120, 168))
+_READ_ONLY = (range(7), range(reg.REGISTERED.address, 71), range(120, 168))
+_GOALS = (range(100, 108), range(reg.GOAL_POSITION.address, 120))
+"""Read-only after a trip of the watchdog."""
 _RANGES: dict[Register, tuple[int, int]] = {
     reg.BAUD: (0, 7),
     reg.OPERATING_MODE: (0, 16),
@@ -119,6 +121,7 @@ class Servo:
         self._started = 0.0
         self._heard = 0.0
         self._overloaded: float | None = None
+        self._registered: tuple[int, bytes] | None = None
         self._gathers: dict[tuple[int, int], Callable[[bytearray], Iterable[int]]] = {}
         """What picks the indirect data at an address, so many bytes, from the table."""
         self._start(CENTRE)
@@ -179,19 +182,20 @@ class Servo:
             Refused: there are none.
         """
         if address + size > reg.END:
-            raise Refused(Refusal.DATA_RANGE)
+            raise Refused(Refusal.ACCESS)
         self._measure()
         first, end = reg.INDIRECT_DATA.address, reg.INDIRECT_DATA.address + reg.INDIRECT_DATA.size
-        if first <= address < end and size > 1 and address + size <= end:
+        if first <= address < end and size and address + size <= end:
             gather = self._gathers.get((address, size))
             if gather is None:
                 offset = reg.INDIRECT_ADDRESS.address + 2 * (address - first)
                 words = unpack_from(f"<{size}H", self._table, offset)
-                gather = self._gathers[address, size] = itemgetter(*words)
+                # The first one twice: of one place alone an itemgetter returns no tuple.
+                gather = self._gathers[address, size] = itemgetter(*words, words[0])
             try:
-                return bytes(gather(self._table))
+                return bytes(gather(self._table))[:size]
             except IndexError:
-                raise Refused(Refusal.DATA_RANGE) from None
+                raise Refused(Refusal.ACCESS) from None
         return bytes(self._table[address : address + size])
 
     def write(self, address: int, data: bytes) -> None:
@@ -202,12 +206,17 @@ class Servo:
         """
         end = address + len(data)
         if end > reg.END:
-            raise Refused(Refusal.DATA_RANGE)
+            raise Refused(Refusal.ACCESS)
         if any(address < r.stop and end > r.start for r in _READ_ONLY):
             raise Refused(Refusal.ACCESS)
         if address < reg.EEPROM_END and self._table[reg.TORQUE_ENABLE.address]:
             raise Refused(Refusal.ACCESS)
-        touched = [r for a, r in _REACTING.items() if address <= a and a + r.size <= end]
+        touched = [r for a, r in _REACTING.items() if address < a + r.size and end > a]
+        if any(r.address < address or r.address + r.size > end for r in touched):
+            raise Refused(Refusal.DATA_LENGTH)
+        tripped = self._signed(reg.WATCHDOG) == reg.TRIPPED
+        if tripped and any(address < r.stop and end > r.start for r in _GOALS):
+            raise Refused(Refusal.DATA_RANGE)
         wanted = {r: self._part(r, address, data) for r in touched}
         for register, value in wanted.items():
             low, high = _RANGES.get(register, (-(2**31), 2**31))
@@ -222,6 +231,23 @@ class Servo:
             self._gathers.clear()
         for register, value in wanted.items():
             self._react(register, value)
+
+    def register(self, address: int, data: bytes) -> None:
+        """Keep a write until `act`."""
+        self._registered = address, data
+        self._store(reg.REGISTERED, 1)
+
+    def act(self) -> None:
+        """Do what was kept.
+
+        Raises:
+            Refused: nothing was, or it cannot be written.
+        """
+        if self._registered is None:
+            raise Refused(Refusal.INSTRUCTION)
+        kept, self._registered = self._registered, None
+        self._store(reg.REGISTERED, 0)
+        self.write(*kept)
 
     def reboot(self) -> None:
         """Start anew: torque off, all but the EEPROM forgotten, whole turns too."""
@@ -256,7 +282,7 @@ class Servo:
                 self._store(Register(first + 2 * n, 2), data + n)
         self._gathers.clear()
         self._heard = self._now()
-        self._overloaded = None
+        self._overloaded = self._registered = None
         self._motor.power(False)
         angle, _, _ = self._motor.measure()
         self._shift = position - round(angle / self._units.position_rad)
@@ -274,9 +300,7 @@ class Servo:
             self._offset = value
 
     def _check_goal(self, counts: int) -> None:
-        """See that a goal may be set: not after a trip, and in position mode within its limits."""
-        if self._signed(reg.WATCHDOG) == reg.TRIPPED:
-            raise Refused(Refusal.DATA_RANGE)
+        """See that a goal may be set: in position mode within its limits."""
         if self._table[reg.OPERATING_MODE.address] == 3:
             low, high = self._signed(reg.MIN_POSITION), self._signed(reg.MAX_POSITION)
             if not low <= counts <= high:

@@ -34,6 +34,7 @@ RESTART_S = 1.0
 """A motor must answer again within this time after a reboot [s]. Assumed: X series take 0.3 s."""
 
 
+_FIRST_GATHERED = Register(reg.INDIRECT_ADDRESS.address, 2)
 _PERIOD_S = 1e-3 * reg.TICK_PERIOD
 
 
@@ -168,7 +169,7 @@ class ServoDrive:
         for place, block in enumerate(self._blocks):
             if block is not None and fresh[place]:
                 self._check(place, block)
-            elif self._refused[place] and self._on:
+            elif self._refused[place]:
                 self._examine(place)
         return reading
 
@@ -212,7 +213,8 @@ class ServoDrive:
                 raise failed[0]
             return
         assert self._sent is not None  # a guard sends the goal first; here it is made sure of
-        for device, goal in zip(ids, self._sent, strict=True):
+        for place, (device, goal) in enumerate(zip(ids, self._sent, strict=True)):
+            self._examine(place)
             self._link.write(device, reg.GOAL_POSITION, goal)
         try:
             for device in ids:
@@ -347,7 +349,8 @@ class ServoDrive:
         behind -= _PERIOD_S * round(behind / _PERIOD_S)
         in_time = now - behind >= self._sent_at - STALE_S and behind > -AHEAD_S
         lost_torque = self._on and not block.torque and not block.hardware_error
-        if lost_torque or not in_time:
+        blank = not any(data)  # gathered from nowhere
+        if lost_torque or blank or not in_time:
             self._refused[place] = True
             return False
         self._offset[place] += min(DRIFT * (now - self._heard[place]), behind)
@@ -401,20 +404,19 @@ class ServoDrive:
             )
 
     def _examine(self, place: int) -> None:
-        """Ask a motor whose blocks are not believed whether it restarted."""
+        """See that a motor has not restarted, which makes it forget what its block is made of."""
         try:
-            if self._link.read(self._handles[place].id, reg.TORQUE_ENABLE):
-                return
+            first = self._link.read(self._handles[place].id, _FIRST_GATHERED)
         except LinkLost:
             return  # silent: its age tells
-        raise DeviceFault(
-            f"handle motor {self._name(place)} has lost its torque: it restarted, or its power was "
-            "off for a moment; the other holds; check plug and supply, then clear_fault() and "
-            "enable()",
-            kind="reset",
-            t=self.clock.now(),
-            axis=self.axes[place],
-        )
+        if first != reg.BLOCK_ADDRESSES[0]:
+            raise DeviceFault(
+                f"handle motor {self._name(place)} has restarted: its power was off for a moment, "
+                "or somebody rebooted it; check plug and supply, then clear_fault() and enable()",
+                kind="reset",
+                t=self.clock.now(),
+                axis=self.axes[place],
+            )
 
     def _keep_zero(self, place: int, position: int, before: Block | None) -> None:
         """Know the zero where none is given, and keep it over a restart, which forgets turns."""

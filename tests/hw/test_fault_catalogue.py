@@ -98,15 +98,15 @@ CATALOGUE = {
     "power blip of one motor": Case(
         lambda b: b.wire.strike("reset", 2),
         DeviceFault,
-        r"^handle motor 2 \(left_right\) has lost its torque: it restarted, or its power was off "
-        r"for a moment; the other holds; check plug and supply, " + AGAIN,
+        r"^handle motor 2 \(left_right\) has restarted: its power was off for a moment, or somebody "
+        r"rebooted it; check plug and supply, " + AGAIN,
         "left_right",
         "reset",
     ),
     "power blip of both": Case(
         _restart_both,
         DeviceFault,
-        r"^handle motor 1 \(up_down\) has lost its torque",
+        r"^handle motor 1 \(up_down\) has restarted",
         "up_down",
         "reset",
     ),
