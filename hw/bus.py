@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from struct import pack
+from typing import NamedTuple
 
 from endolock.hw import registers as reg
 from endolock.hw.api import Clock, HardwareError, LinkError, LinkLost
@@ -33,8 +34,20 @@ TIMEOUT_S = 0.020
 TRIES = 3
 """Requests that are answered one by one are repeated so often."""
 
-Accept = Callable[[int, bytes], bool]
-"""Judges a block: place of the motor, its bytes; whether it answers the present request."""
+Accept = Callable[[int, bytes, float, float], bool]
+"""Judges a block: place of the motor, its bytes, when the request went out and when the block came
+[s]; whether it answers that request."""
+
+
+class Cycle(NamedTuple):
+    """What came of one request to all motors."""
+
+    blocks: list[bytes | None]
+    """The accepted block of each motor; None where there was none."""
+    sent_at: float
+    """When the request went out [s]."""
+    done_at: float
+    """When the last bytes came in [s]; if none, when the request went out."""
 
 
 class Bus:
@@ -123,7 +136,8 @@ class Bus:
         data = pack("<HH", *register)
         for device, value in values.items():
             data += bytes((device,)) + (value % (1 << 8 * size)).to_bytes(size, "little")
-        self._told(lambda: self._send(encode(BROADCAST, Instruction.SYNC_WRITE, data)))
+        request = encode(BROADCAST, Instruction.SYNC_WRITE, data)
+        self._told(lambda: self._send(request))
 
     def sync_read(
         self, devices: Sequence[int], register: Register, *, fast: bool = False
@@ -163,15 +177,12 @@ class Bus:
             if len(answers.get(device, b"")) == register.size
         }
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> list[bytes | None]:
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
         """Send all goals and read all blocks, in one go.
 
         Args:
             goals: of each motor [counts]; None to read only.
             accept: judges each block.
-
-        Returns:
-            The accepted block of each motor; None where there was none.
 
         Raises:
             PortGone: the port was unplugged.
@@ -188,12 +199,13 @@ class Bus:
         missing = len(found)
         try:
             self._drain()
-            self._send(request)
+            sent_at = done_at = self._send(request)
             give_up = time.monotonic() + self._timeout_s
             while missing:
-                data = self._receive(give_up - time.monotonic())
+                data, came_at = self._receive(give_up - time.monotonic())
                 if not data:
                     break
+                done_at = came_at
                 for packet in self._parser.feed(data):
                     place = self._places.get(packet.id, -1)
                     if (
@@ -204,13 +216,13 @@ class Bus:
                         or found[place] is not None
                     ):
                         continue
-                    if accept(place, packet.parameters[1:]):
+                    if accept(place, packet.parameters[1:], sent_at, came_at):
                         found[place] = packet.parameters[1:]
                         missing -= 1
         except LinkError as error:
             error.t = self._clock.now()
             raise
-        return found
+        return Cycle(found, sent_at, done_at)
 
     def _ask(self, device: int, kind: Instruction, parameters: bytes, *, size: int) -> bytes:
         """Send a request to one motor until it answers; return the data of the answer."""
@@ -249,7 +261,7 @@ class Bus:
             self._send(request)
             give_up = time.monotonic() + self._timeout_s
             while count is None or len(found) < count:
-                data = self._receive(give_up - time.monotonic())
+                data, _ = self._receive(give_up - time.monotonic())
                 if not data:
                     return
                 for packet in self._parser.feed(data):
@@ -264,21 +276,26 @@ class Bus:
         """Throw away what is left of the past."""
         self._parser.reset()
         for _ in range(64):  # who never falls silent is no bus; then let the caller see nothing
-            if not self._receive(0.0):
+            if not self._receive(0.0)[0]:
                 return
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> float:
+        """Send; return when [s], as in the log."""
+        now = self._clock.now()
         if self._log:
-            self._log.append(self._clock.now(), False, data)
+            self._log.append(now, False, data)
         self.port.send(data)
+        return now
 
-    def _receive(self, timeout_s: float) -> bytes:
+    def _receive(self, timeout_s: float) -> tuple[bytes, float]:
+        """Return what has come, and when [s], as in the log."""
         data = self.port.receive(timeout_s)
+        now = self._clock.now()
         if self._log and data:
-            self._log.append(self._clock.now(), True, data)
-        return data
+            self._log.append(now, True, data)
+        return data, now
 
-    def _told(self, call: Callable[[], None]) -> None:
+    def _told(self, call: Callable[[], object]) -> None:
         try:
             call()
         except LinkError as error:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from endolock.hw import registers as reg
 from endolock.hw.api import Clock, HardwareError
-from endolock.hw.bus import Accept
+from endolock.hw.bus import Accept, Cycle
 from endolock.hw.registers import Register
 from endolock.hw.servo import Refused, Servo
 
@@ -52,9 +52,10 @@ class DirectLink:
         """Let a servo start anew."""
         self._servo(device).reboot()
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> list[bytes | None]:
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
         """Set all goals and read all blocks."""
         found: list[bytes | None] = []
+        now = self._clock.now()
         for place, servo in enumerate(self._servos):
             servo.heard()
             if goals is not None:
@@ -64,8 +65,8 @@ class DirectLink:
                 except Refused:
                     pass  # the block shows it, as on a bus
             block = servo.read(reg.INDIRECT_DATA.address, reg.BLOCK_SIZE) if servo.awake else b""
-            found.append(block if block and accept(place, block) else None)
-        return found
+            found.append(block if block and accept(place, block, now, now) else None)
+        return Cycle(found, now, now)
 
     def _servo(self, device: int) -> Servo:
         servo = next(servo for servo in self._servos if servo.id == device)

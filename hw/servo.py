@@ -110,7 +110,8 @@ class Servo:
         reboot_s: float = 0.0,
         baud: int = 3,
     ) -> None:
-        self._motor, self._now, self._units = motor, now, units or Units()
+        self._motor, self._units = motor, units or Units()
+        self.now = now
         self.reboot_s = reboot_s
         self._table = bytearray(reg.END)
         self._store(reg.ID, device)
@@ -149,7 +150,7 @@ class Servo:
     @property
     def awake(self) -> bool:
         """Whether it answers; not while it starts."""
-        return self._now() >= self._started
+        return self.now() >= self._started
 
     @property
     def alert(self) -> bool:
@@ -166,14 +167,14 @@ class Servo:
 
     def watch(self) -> None:
         """Let the watchdog stop the motor where it is, if its time has come."""
-        if self._now() > self.trips_at:
+        if self.now() > self.trips_at:
             self._store(reg.WATCHDOG, reg.TRIPPED)
             self._stop()
 
     def heard(self) -> None:
         """Take note that a packet for this servo has come."""
         self.watch()
-        self._heard = self._now()
+        self._heard = self.now()
 
     def read(self, address: int, size: int) -> bytes:
         """Read registers.
@@ -252,7 +253,7 @@ class Servo:
     def reboot(self) -> None:
         """Start anew: torque off, all but the EEPROM forgotten, whole turns too."""
         self._start(self._within_a_turn())
-        self._started = self._now() + self.reboot_s
+        self._started = self.now() + self.reboot_s
 
     def fail(self, kind: Fault) -> None:
         """Latch a hardware error.
@@ -281,7 +282,7 @@ class Servo:
             for n in range(28):  # each points to its own place
                 self._store(Register(first + 2 * n, 2), data + n)
         self._gathers.clear()
-        self._heard = self._now()
+        self._heard = self.now()
         self._overloaded = self._registered = None
         self._motor.power(False)
         angle, _, _ = self._motor.measure()
@@ -308,7 +309,7 @@ class Servo:
 
     def _torque(self, on: bool) -> None:
         self._table[reg.TORQUE_ENABLE.address] = on
-        self._heard = self._now()
+        self._heard = self.now()
         self._motor.power(on)
         if on:
             self._aim(self._signed(reg.GOAL_POSITION))
@@ -336,7 +337,7 @@ class Servo:
             round(speed / units.velocity_rad_s),
             round(angle / units.position_rad) + self._shift,
         )
-        now = self._now()
+        now = self.now()
         tick = round((now - self._started) * 1000) % reg.TICK_PERIOD
         table[reg.TICK.address : reg.TICK.address + 2] = tick.to_bytes(2, "little")
         if abs(current) <= OVERLOAD_A:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from endolock.hw import registers as reg
 from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost, StateError
-from endolock.hw.bus import Accept
+from endolock.hw.bus import Accept, Cycle
 from endolock.hw.guard import Reading
 from endolock.hw.handle import Handle
 from endolock.hw.registers import Block, Register, Units
@@ -59,7 +59,7 @@ class Link(Protocol):
     def reboot(self, device: int) -> None:
         """Let a motor start anew."""
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> list[bytes | None]:
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
         """Send all goals, read all blocks."""
 
 
@@ -96,7 +96,6 @@ class ServoDrive:
         self._refused = [False] * count
         self._sent: list[int] | None = None
         self._on = False
-        self._sent_at = 0.0
 
     @property
     def limits(self) -> Limits:
@@ -328,33 +327,28 @@ class ServoDrive:
 
     def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
         """Do one cycle; tell who answered, and what is known then."""
-        clock = self.clock
         self._refused = [False] * len(self._handles)
-        self._sent_at = sent = clock.now()
-        found = self._link.cycle(goals, self._accept)
-        now = clock.now()
+        found, sent_at, done_at = self._link.cycle(goals, self._accept)
         fresh = [data is not None for data in found]
-        for place, data in enumerate(found):
-            if data is not None:
-                self._heard[place] = now
-        return fresh, self._reading(fresh, (sent + now) / 2, (now - sent) / 2)
+        t, t_err = (sent_at + done_at) / 2, (done_at - sent_at) / 2
+        return fresh, self._reading(fresh, t, t_err)
 
-    def _accept(self, place: int, data: bytes) -> bool:
+    def _accept(self, place: int, data: bytes, sent_at: float, now: float) -> bool:
         """Judge a block; keep it if it was taken in this cycle and its motor did not restart."""
-        block, now = reg.unpack(data), self.clock.now()
+        block = reg.unpack(data)
         if self._offset[place] == inf:
             self._offset[place], self._heard[place] = now - 1e-3 * block.tick, now
         # What the answer took on its way, beyond the fastest one so far.
         behind = now - self._offset[place] - 1e-3 * block.tick
         behind -= _PERIOD_S * round(behind / _PERIOD_S)
-        in_time = now - behind >= self._sent_at - STALE_S and behind > -AHEAD_S
+        in_time = now - behind >= sent_at - STALE_S and behind > -AHEAD_S
         lost_torque = self._on and not block.torque and not block.hardware_error
         blank = not any(data)  # gathered from nowhere
         if lost_torque or blank or not in_time:
             self._refused[place] = True
             return False
         self._offset[place] += min(DRIFT * (now - self._heard[place]), behind)
-        self._blocks[place] = block
+        self._blocks[place], self._heard[place] = block, now
         return True
 
     def _reading(self, fresh: list[bool], t: float, t_err: float) -> Reading:

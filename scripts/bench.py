@@ -26,7 +26,16 @@ from rich.table import Table
 from endolock.control import laws, loop
 from endolock.control.loop import Seen
 from endolock.hw.api import Command, Frame
-from endolock.scripts import hysteresis, identify, output, recorder, rigs, run, tick_times
+from endolock.scripts import (
+    hysteresis,
+    identify,
+    link_bench,
+    output,
+    recorder,
+    rigs,
+    run,
+    tick_times,
+)
 from endolock.twin import camera, scene
 from endolock.twin.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.rig import TwinRig
@@ -45,7 +54,7 @@ RUN_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Measure the speed of physics, rendering, vision, control, logging, protocols and runs.
+    """Measure the speed of physics, rendering, vision, control, link, logging, protocols and runs.
 
     With Gymnasium installed (./run test --extra), also that of the environments.
     """
@@ -68,6 +77,7 @@ def main(request: Request) -> int:
             ("surrogate", surrogate),
             ("control", tick_times.mean),
             ("control_p99", tick_times.p99),
+            ("link", link_bench.measure),
             ("log", log),
             ("protocols", protocols),
             ("env", env),

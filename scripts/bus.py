@@ -79,10 +79,10 @@ def perform(folder: Path) -> dict[str, Any]:
     port = ReplayPort()
     readings = list(_replay(port, exchanges, recorder.configuration(folder)))
     ticks = recorder.read(folder, "ticks")
-    told = [tuple(row) for row in ticks["position_rad"].to_pylist()]
+    told = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
     # The line says more than the ticks do: what was read while enabling, and after the last row.
-    replayed = iter([r.position for r in readings])
-    equal = sum(any(position == p for p in replayed) for position in told)
+    replayed = {reading.t: reading.position for reading in readings}
+    equal = sum(replayed.get(t) == tuple(position) for t, position in told)
     return {
         "exchanges": len(exchanges),
         "duration_s": records[-1].t - records[0].t if records else 0.0,
@@ -91,7 +91,7 @@ def perform(folder: Path) -> dict[str, Any]:
         "unanswered": sum(not r.fresh for r in readings),
         "cycles": len(readings),
         "requests_equal": port.same,
-        "ticks": len(told),
+        "ticks": ticks.num_rows,
         "positions_equal": equal,
     }
 

@@ -38,7 +38,9 @@ class Request:
     """Draw figures 6.4 to 6.8 of the thesis again, and check what its excerpt states; of the
     options, only vision, json and out count."""
     rig: str = "twin"
-    """What to drive: twin, surrogate or play, as for run."""
+    """What to drive: twin, hil, hil:wall, serial:PORT, surrogate or play, as for run."""
+    bench: tyro.conf.DisallowNone[Path | None] = None
+    """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
@@ -178,6 +180,7 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
             scenario=source,
             controller=law,
             rig=request.rig,
+            bench=request.bench,
             vision=request.vision,
             instrument=request.instrument,
             vary=entries,

@@ -36,6 +36,11 @@ class Request:
     """What goes wrong, may be given several times: drop, flip, duplicate, insert, truncate, late or
     lost as in flip=0.05 (share of packets); reset, overload, overheat, voltage or encoder as in
     reset:2@5 (motor, seconds); silence or unplug as in unplug@3+1 (for so long)."""
+    video: tyro.conf.DisallowNone[int | None] = None
+    """Serve what the tip camera sees, 0.4 s late, as Motion JPEG on this TCP port of this machine;
+    the camera's source in bench.toml is then http://127.0.0.1:PORT/."""
+    scenario: str = "rest"
+    """With video: how the board in front of the camera moves, as for run."""
     instrument: str = "pretensioned"
     """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
     seed: int = 0
@@ -50,17 +55,18 @@ def main(request: Request) -> int:
     if request.seed < 0:
         raise ConfigError(f"seed {request.seed}; use a whole number, 0 or more")
     setup = Setup(
-        scenario=scenario.load("rest"),
+        scenario=scenario.load(request.scenario),
         instrument=instruments.load(request.instrument),
         numerics=NUMERICS["default"],
         seed=request.seed,
-        pictures=False,
+        pictures=request.video is not None,
         overview=False,
         wall=True,
         paced=request.paced,
         baud=request.baud,
         faults=tuple(parse(text) for text in request.fault),
         link=request.link,
+        video=request.video,
     )
     asked: list[int] = []
     before = {
@@ -70,7 +76,9 @@ def main(request: Request) -> int:
     end = FarEnd(setup)
     try:
         Console(highlight=False).print(
-            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}; Ctrl-C ends",
+            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}",
+            *(["and a camera at", end.stream.address] if end.stream else []),
+            "; Ctrl-C ends",
             soft_wrap=True,
             markup=False,
         )

@@ -49,7 +49,7 @@ class Request:
     numerics: Literal["default", "fast", "fidelity"] = "default"
     """How finely it is simulated."""
     rig: str = "twin"
-    """What to drive: twin."""
+    """What to drive: twin, hil or hil:wall."""
     noise_deg: float = Tracker().rotation_noise_deg
     """Noise of the pose tracker about each axis [deg], standard deviation."""
     map: bool = False

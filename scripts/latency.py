@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
 from typing import Annotated, Any
 
@@ -37,7 +38,9 @@ class Request:
     """Measure the latency of the video chain: exposure to delivery, without vision's own time."""
 
     rig: str = "twin"
-    """What to drive: twin."""
+    """What to drive: twin, hil, hil:wall, or serial:PORT."""
+    bench: tyro.conf.DisallowNone[Path | None] = None
+    """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
     scenario: str = "rest"
     """What the camera looks at; it must stand still."""
     axis: str = "left_right"
@@ -101,6 +104,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         vision="markers",
         instrument=instruments.load(request.instrument),
         seed=request.seed,
+        bench=rigs.bench_of(request.rig, request.bench),
     )
     axis = AXES.index(request.axis)
     duration_s = LEAD_S + request.strokes * STROKE_S + latency.LONGEST_S

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from itertools import pairwise
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from endolock.control import hysteresis, quasi_static
 from endolock.control.hysteresis import ONE_PLAY, Plays
 from endolock.control.quasi_static import Geometry
+from endolock.hw import bench as benches
 from endolock.hw.api import ConfigError, Vector
 from endolock.hw.bench import Bench
 from endolock.hw.serial_rig import SerialRig
@@ -134,6 +136,23 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
         raise ConfigError(f"rig {rig} takes no pictures for {vision}; use --vision truth")
     if serial and vision == "truth":
         raise ConfigError(f"rig {rig} knows no truth; use --vision markers or track")
+
+
+def bench_of(rig: str, file: Path | None) -> Bench | None:
+    """Read what a serial rig is made of; None for other rigs.
+
+    Args:
+        rig: kind of rig.
+        file: see `hw.bench.load`.
+
+    Raises:
+        ConfigError: it cannot be read, or is given for another rig.
+    """
+    if rig.startswith(SERIAL):
+        return benches.load(file)
+    if file is not None:
+        raise ConfigError(f"--bench goes with --rig serial:PORT, not with {rig}")
+    return None
 
 
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:

@@ -17,7 +17,6 @@ from rich.table import Table
 from endolock.control import laws, loop, metrics
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain
-from endolock.hw import bench as benches
 from endolock.hw.api import ConfigError
 from endolock.hw.bench import Bench
 from endolock.scripts import output, recorder, rigs, variation
@@ -149,7 +148,7 @@ def resolve(request: Request) -> Resolved:
     laws.check(request.controller)
     rigs.check(request.rig, request.vision)
     selection(request.select)
-    bench = _bench(request)
+    bench = rigs.bench_of(request.rig, request.bench)
     changed = overrides(request)
     if bench:  # what the bench's camera is like is no choice of the scenario
         changed.setdefault("camera.latency_s", bench.camera.latency_s)
@@ -170,19 +169,6 @@ def resolve(request: Request) -> Resolved:
     if task.law and not request.force:
         _check_stable(request.controller, settings, scenario)
     return Resolved(scenario, task.instrument, settings, task.changes, bench)
-
-
-def _bench(request: Request) -> Bench | None:
-    """Read what a serial rig is made of; None for other rigs.
-
-    Raises:
-        ConfigError: it cannot be read, or is given for another rig.
-    """
-    if request.rig.startswith(rigs.SERIAL):
-        return benches.load(request.bench)
-    if request.bench is not None:
-        raise ConfigError(f"--bench goes with --rig serial:PORT, not with {request.rig}")
-    return None
 
 
 def _check_stable(name: str, settings: Any, scenario: Scenario) -> None:

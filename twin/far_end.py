@@ -20,6 +20,7 @@ from endolock.hw import registers as reg
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose, TruthSample
 from endolock.hw.emulated_bus import EmulatedBus
 from endolock.hw.emulator import Emulator
+from endolock.hw.picture_stream import PictureStream
 from endolock.hw.pty_line import PtyLine
 from endolock.hw.wall_clock import WallClock
 from endolock.hw.wire_faults import FaultyBus, WireFault
@@ -52,6 +53,8 @@ class Setup:
     faults: tuple[WireFault, ...]
     link: Path | None = None
     """Name of the line."""
+    video: int | None = None
+    """TCP port on which the tip camera's pictures are served."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +97,12 @@ class FarEnd:
         for servo in self.rig.servos:
             servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))
             servo.reboot_s = RESTART_S if setup.wall else 0.0
-        self.wall = WallClock() if setup.wall else None
+        self.stream = None if setup.video is None else PictureStream(setup.video)
+        self._shown = -1
+        self.wall = wall = WallClock() if setup.wall else None
+        if wall is not None:
+            for servo in self.rig.servos:  # physics goes by steps, a servo's clock does not
+                servo.now = lambda: max(now(), wall.now())
 
     def ready(self) -> Ready:
         """Describe what there is."""
@@ -113,7 +121,12 @@ class FarEnd:
     def catch_up(self) -> None:
         """Let the twin follow the wall, if it does."""
         if self.wall is not None:
-            self.rig.clock.sleep_until(self.wall.now())
+            # Not beyond the wall: what is measured must have happened.
+            self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
+        if self.stream and (frame := _news(self.rig.camera, self._shown)) is not None:
+            self._shown = frame.seq
+            assert frame.image is not None
+            self.stream.send(frame.image)
         for fault in self._plugs:
             due = self.rig.clock.now()
             if fault.at_s <= due and self.line.plugged:
@@ -159,6 +172,8 @@ class FarEnd:
 
     def close(self) -> None:
         """Give everything back."""
+        if self.stream:
+            self.stream.close()
         self.line.close()
         self.rig.close()
 
