@@ -12,7 +12,7 @@ and drive that wrote it.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
@@ -120,26 +120,31 @@ def exchanges(records: Iterable[Record]) -> Iterator[Exchange]:
 
 
 class ReplayPort:
-    """Plays one exchange after the other; see `hw.port.Port`. Time is that of the log."""
+    """Answers as a log says; see `hw.port.Port`. It is the clock of the replay as well.
+
+    Args:
+        exchanges: of the log.
+    """
 
     name = "replay"
     realtime = False
     timestep_s = 0.0
 
-    def __init__(self) -> None:
-        self._exchange = Exchange(0.0, b"", ())
+    def __init__(self, exchanges: Sequence[Exchange]) -> None:
+        self._exchanges = exchanges
         self._coming: list[Record] = []
         self._now = 0.0
+        self.place = 0
+        """Number of the exchange that the next request should be."""
         self.same = True
         """Whether all that was sent is what the log says was sent."""
 
-    def load(self, exchange: Exchange) -> None:
-        """Take the next exchange."""
-        self._exchange, self._coming = exchange, []
-        self._now = exchange.t
+    def seek(self, place: int) -> None:
+        """Go to an exchange, and to its time."""
+        self.place, self._now = place, self._exchanges[place].t
 
     def now(self) -> float:
-        """Time in the log [s]; it is the clock of the replay as well."""
+        """Time in the log [s]: that of the request to come, until it is sent."""
         return self._now
 
     def sleep_until(self, t: float) -> float:
@@ -154,8 +159,13 @@ class ReplayPort:
 
     def send(self, data: bytes) -> None:
         """Compare with what was sent; what was answered can be received now."""
-        self.same = self.same and data == self._exchange.request
-        self._coming = list(self._exchange.answers)
+        if self.place >= len(self._exchanges):
+            self.same, self._coming = False, []
+            return
+        exchange = self._exchanges[self.place]
+        self.place += 1
+        self.same = self.same and data == exchange.request
+        self._coming, self._now = list(exchange.answers), exchange.t
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what came then."""

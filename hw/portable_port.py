@@ -52,7 +52,10 @@ class PortablePort:
     def set_baud(self, baud: int) -> None:
         """Change the baud rate [1/s]."""
         self._baud = baud
-        self._open.baudrate = baud
+        try:
+            self._open.baudrate = baud
+        except (serial.SerialException, OSError):
+            raise self._gone() from None
 
     def send(self, data: bytes) -> None:
         """Write all bytes."""

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from struct import iter_unpack, unpack_from
+from struct import iter_unpack, pack, unpack_from
 from typing import Annotated, Any
 
 import tyro
@@ -15,7 +15,7 @@ from rich.console import Console
 
 from endolock.hw import bus_log
 from endolock.hw import registers as reg
-from endolock.hw.api import AXES, ConfigError, DeviceFault
+from endolock.hw.api import AXES, ConfigError, DeviceFault, HardwareError
 from endolock.hw.bus import Bus
 from endolock.hw.bus_log import Exchange, ReplayPort
 from endolock.hw.guard import Reading
@@ -76,7 +76,7 @@ def perform(folder: Path) -> dict[str, Any]:
     for record in records:
         for packet in parsers[record.came_in].feed(record.data):
             kinds[_name(packet.instruction)] += 1
-    port = ReplayPort()
+    port = ReplayPort(exchanges)
     readings = list(_replay(port, exchanges, recorder.configuration(folder)))
     ticks = recorder.read(folder, "ticks")
     told = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
@@ -97,7 +97,7 @@ def perform(folder: Path) -> dict[str, Any]:
 
 
 def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -> Iterator[Reading]:
-    """Play every cycle of a log through the drivers that wrote it."""
+    """Play a log through the drivers that wrote it; yield what each cycle told."""
     try:
         line = told["line"]
         handles = {axis: Handle.model_validate(line["handle"][axis]) for axis in AXES}
@@ -106,19 +106,34 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
         raise ConfigError(f"run.toml tells of no line ({error}); give a run of a bus") from None
     names = {handle.id: axis for axis, handle in handles.items()}
     drive = ServoDrive(Bus(port, port, names), port, handles, units)
-    for exchange in exchanges:
-        requests = Parser().feed(exchange.request)
-        if requests[-1].instruction != Instruction.SYNC_READ:
-            continue  # of enabling and the like
-        port.load(exchange)
-        goals = None
-        if len(requests) == 2:
-            counts = [g for _, g in iter_unpack("<Bi", requests[0].parameters[4:])]
-            goals = drive.angles(counts)
+    while port.place < len(exchanges):
+        request = Parser().feed(exchanges[port.place].request)
+        kind, data = request[-1].instruction, request[-1].parameters
+        port.seek(port.place)
         try:
-            yield drive.transfer(goals)
+            if kind == Instruction.SYNC_READ:
+                yield drive.transfer(_goals(request, drive))
+            elif kind == Instruction.READ and data.startswith(_ENABLING):
+                drive.torque(True)
+            elif kind == Instruction.WRITE and data.startswith(_DISABLING):
+                drive.torque(False)
+            else:
+                port.place += 1  # of setting up
         except DeviceFault:
+            drive.hold()  # as the guard did
+        except HardwareError:
             continue  # told in the run, too
+
+
+_ENABLING = pack("<H", reg.INDIRECT_ADDRESS.address)
+"""Before torque comes on it is seen that a motor has not restarted."""
+_DISABLING = pack("<H", reg.WATCHDOG.address) + b"\x00"
+
+
+def _goals(request: list[Packet], drive: ServoDrive) -> tuple[float, ...] | None:
+    if len(request) == 1:
+        return None
+    return drive.angles([goal for _, goal in iter_unpack("<Bi", request[0].parameters[4:])])
 
 
 def lines(folder: Path) -> Iterator[str]:

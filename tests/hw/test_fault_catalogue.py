@@ -98,8 +98,8 @@ CATALOGUE = {
     "power blip of one motor": Case(
         lambda b: b.wire.strike("reset", 2),
         DeviceFault,
-        r"^handle motor 2 \(left_right\) has restarted: its power was off for a moment, or somebody "
-        r"rebooted it; check plug and supply, " + AGAIN,
+        r"^handle motor 2 \(left_right\) has restarted: its power was off for a moment, or "
+        r"somebody rebooted it; check plug and supply, " + AGAIN,
         "left_right",
         "reset",
     ),
