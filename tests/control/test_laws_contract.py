@@ -90,7 +90,7 @@ def drive(law: Controller, frames: list[Any], start: int = 0) -> list[tuple[floa
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(frames=st.lists(FRAMES, min_size=1, max_size=40))
 def test_commands_are_two_finite_angles_whatever_is_seen(name: str, frames: list[Any]) -> None:
     law = make(name)
@@ -101,7 +101,7 @@ def test_commands_are_two_finite_angles_whatever_is_seen(name: str, frames: list
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(first=st.lists(FRAMES, min_size=3, max_size=25), then=st.lists(FRAMES, min_size=3))
 def test_a_law_goes_on_where_it_was_saved(name: str, first: list[Any], then: list[Any]) -> None:
     law, other = make(name), make(name)

@@ -68,7 +68,7 @@ def test_one_wire_follows_the_closed_form(pulling: bool) -> None:
     assert handle[rows] == pytest.approx(right, rel=1e-4)  # steps of 0.002 in b
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(corners=st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=6))
 def test_only_the_path_counts_and_mirrors(corners: list[float]) -> None:
     points = [0.0, *corners]

@@ -161,7 +161,7 @@ def test_over_limit_is_clipped_and_says_which_way(guard: Guard, sign: int) -> No
     assert back[-1].clipped == (0, 0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     moves=st.lists(
         st.tuples(

@@ -15,7 +15,7 @@ def _last_line(module: str, missing: str) -> str:
 
 def test_without_dm_control() -> None:
     assert _last_line("endolock.twin.env", "dm_control") == (
-        "endolock.hw.api.ConfigError: endolock.twin.env needs dm-control, which is not installed; "
+        "endolock.hw.errors.ConfigError: endolock.twin.env needs dm-control, which is not installed; "
         "use Python 3.11 or 3.12, where it comes with endolock"
     )
 
@@ -23,6 +23,6 @@ def test_without_dm_control() -> None:
 @pytest.mark.skipif(not find_spec("dm_control"), reason="dm-control is missed first")
 def test_without_gymnasium() -> None:
     assert _last_line("endolock.twin.gym_env", "gymnasium") == (
-        "endolock.hw.api.ConfigError: endolock.twin.gym_env needs Gymnasium, which is not "
+        "endolock.hw.errors.ConfigError: endolock.twin.gym_env needs Gymnasium, which is not "
         "installed; use pip install 'endolock[gym]'"
     )

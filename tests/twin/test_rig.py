@@ -41,7 +41,7 @@ def test_time_moves_only_while_sleeping() -> None:
         assert rig.clock.sleep_until(0.001) == pytest.approx(0.004)  # it does not go back
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(cuts=st.lists(st.integers(0, 250), max_size=12))
 def test_slicing_a_sleep_changes_no_bit(cuts: list[int]) -> None:
     """Cuts stand on the 2 ms grid of the physics, most of them off the 10 ms of the friction."""

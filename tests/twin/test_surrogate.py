@@ -64,7 +64,7 @@ def test_a_handle_follows_with_the_servo_s_lag() -> None:
     assert goal - rig.plant.handles[0] == pytest.approx((goal - start) * np.exp(-0.03 / 0.025))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(cuts=st.lists(st.floats(0, 1), max_size=8).map(sorted))
 def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
     def end(stops: list[float]) -> tuple[Any, ...]:

@@ -85,7 +85,7 @@ def test_poses_are_lost_as_often_as_it_says() -> None:
     assert count == pytest.approx(1400, abs=82)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     cuts=st.lists(st.integers(0, 150), max_size=8), rate_hz=st.sampled_from([30.0, 100.0, 700.0])
 )
