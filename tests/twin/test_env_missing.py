@@ -15,8 +15,8 @@ def _last_line(module: str, missing: str) -> str:
 
 def test_without_dm_control() -> None:
     assert _last_line("endolock.twin.env", "dm_control") == (
-        "endolock.hw.errors.ConfigError: endolock.twin.env needs dm-control, which is not installed; "
-        "use Python 3.11 or 3.12, where it comes with endolock"
+        "endolock.hw.errors.ConfigError: endolock.twin.env needs dm-control, which is not "
+        "installed; use Python 3.11 or 3.12, where it comes with endolock"
     )
 
 
