@@ -12,7 +12,7 @@ from endolock.hw.servo import Refused, Servo
 
 
 class DirectLink:
-    """See `hw.servo_drive.Link`.
+    """See `hw.servo_setup.Link`.
 
     Args:
         servos: in the order of their blocks.

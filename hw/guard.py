@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from endolock.hw.api import (
     Clock,
@@ -24,69 +24,8 @@ from endolock.hw.api import (
     State,
     StateError,
 )
+from endolock.hw.drive import Drive, Reading
 from endolock.hw.history import History
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """What a drive measured in one transfer."""
-
-    t: float
-    t_err: float
-    position: tuple[float, ...]
-    velocity: tuple[float, ...]
-    current: tuple[float, ...]
-    fresh: bool
-    """False where no answer came; the measurements then are the last ones."""
-    device_tick: int
-    target: tuple[float, ...] | None = None
-    """Goals that the motors have [rad], where they tell them."""
-    silent: tuple[str, ...] = ()
-    """Axes that did not answer, where single ones can be told."""
-
-
-class Drive(Protocol):
-    """The motors behind a guard. It may raise `DeviceFault`; everything else is the guard's."""
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Axis names, in the order of every tuple here."""
-
-    @property
-    def limits(self) -> Limits:
-        """What may be asked for, counted from the present zero."""
-
-    @property
-    def clock(self) -> Clock:
-        """The clock that stamps its readings."""
-
-    def open(self) -> None:
-        """Get hold of the device, torque off."""
-
-    def transfer(self, goal: tuple[float, ...] | None) -> Reading:
-        """Send a goal [rad], or none, and measure."""
-
-    def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the nearest goal that the device can hold [rad]."""
-
-    def hold(self) -> tuple[float, ...] | None:
-        """Stop every motor that listens where it is; return where [rad], None if nobody answers."""
-
-    def torque(self, on: bool) -> None:
-        """Switch torque on or off."""
-
-    def zero(self) -> None:
-        """Make the present position the zero of every axis."""
-
-    def recover(self) -> None:
-        """Get the device ready again after a fault, torque off.
-
-        Raises:
-            HardwareError: it is not to be had yet.
-        """
-
-    def close(self) -> None:
-        """Torque off, let go of the device."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,8 +112,8 @@ class Guard:
         """Switch torque on without a jump; see `Actuators.enable`."""
         if self._mode is Mode.DISCONNECTED:
             raise self._state_error("cannot enable before connect()")
-        if self._fault is not None:
-            raise self._state_error(f"cannot enable: {self._fault}; call clear_fault() first")
+        if (why := self._fault or self._stop) is not None:
+            raise self._state_error(f"cannot enable: {why}; call clear_fault() first")
         now = self.clock.now()
         try:
             reading = self._drive.transfer(None)

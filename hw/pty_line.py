@@ -99,10 +99,10 @@ class PtyLine:
             return False
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
-        if any(flags & select.POLLHUP for _, flags in poll.poll(0)):
-            time.sleep(min(timeout_s, 0.005))  # nobody has it open, and nothing tells when
-            return False
-        return True
+        if any(flags & select.POLLIN for _, flags in poll.poll(0)):
+            return True
+        time.sleep(min(timeout_s, 0.005))  # nobody has it open, and nothing tells when
+        return False
 
     def close(self) -> None:
         """Unplug and remove the link, unless it leads elsewhere now; may be called twice."""

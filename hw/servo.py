@@ -10,6 +10,7 @@ Reference:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from math import inf
 from operator import itemgetter
 from struct import Struct, unpack_from
@@ -61,6 +62,17 @@ _RANGES: dict[Register, tuple[int, int]] = {
     reg.GOAL_POSITION: (-reg.LARGEST_GOAL, reg.LARGEST_GOAL),
 }
 _REACTING = {register.address: register for register in (*_RANGES, reg.HOMING_OFFSET)}
+
+
+@lru_cache
+def _touched(address: int, size: int) -> tuple[Register, ...]:
+    """Registers that do something when these bytes are written."""
+    return tuple(r for a, r in _REACTING.items() if address < a + r.size and address + size > a)
+
+
+@lru_cache
+def _read_only(address: int, size: int) -> bool:
+    return any(address < r.stop and address + size > r.start for r in _READ_ONLY)
 
 
 class Refused(Exception):
@@ -208,11 +220,11 @@ class Servo:
         end = address + len(data)
         if end > reg.END:
             raise Refused(Refusal.ACCESS)
-        if any(address < r.stop and end > r.start for r in _READ_ONLY):
+        if _read_only(address, len(data)):
             raise Refused(Refusal.ACCESS)
         if address < reg.EEPROM_END and self._table[reg.TORQUE_ENABLE.address]:
             raise Refused(Refusal.ACCESS)
-        touched = [r for a, r in _REACTING.items() if address < a + r.size and end > a]
+        touched = _touched(address, len(data))
         if any(r.address < address or r.address + r.size > end for r in touched):
             raise Refused(Refusal.DATA_LENGTH)
         tripped = self._signed(reg.WATCHDOG) == reg.TRIPPED

@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import inf
-from struct import pack
-from typing import Any, Protocol
+from typing import Any
 
 from endolock.hw import registers as reg
-from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost, StateError
-from endolock.hw.bus import Accept, Cycle
-from endolock.hw.guard import Reading
+from endolock.hw import servo_setup
+from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost
+from endolock.hw.drive import Reading
 from endolock.hw.handle import Handle
 from endolock.hw.registers import Block, Register, Units
+from endolock.hw.servo_setup import Link
 
 WATCHDOG_S = 0.4
 """Without a packet for this time [s] a motor stops where it is, by itself. Assumed: twice the time
@@ -30,41 +30,12 @@ AHEAD_S = 0.05
 """A clock that is so far ahead [s] is that of a motor that restarted. Assumed."""
 DRIFT = 0.02
 """The device's clock may run off by this share of time [1]. Assumed."""
-RESTART_S = 1.0
-"""A motor must answer again within this time after a reboot [s]. Assumed: X series take 0.3 s."""
-
-
 _FIRST_GATHERED = Register(reg.INDIRECT_ADDRESS.address, 2)
 _PERIOD_S = 1e-3 * reg.TICK_PERIOD
 
 
-class Link(Protocol):
-    """What carries registers to and fro; `Bus`, or `DirectLink`."""
-
-    def open(self) -> None:
-        """Get hold of it."""
-
-    def close(self) -> None:
-        """Let go of it."""
-
-    def ping(self, device: int) -> tuple[int, int]:
-        """Return model number and firmware version."""
-
-    def read(self, device: int, register: Register) -> int:
-        """Read a register as a signed number."""
-
-    def write(self, device: int, register: Register, value: int | bytes) -> None:
-        """Write a register."""
-
-    def reboot(self, device: int) -> None:
-        """Let a motor start anew."""
-
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Send all goals, read all blocks."""
-
-
 class ServoDrive:
-    """Drives one servo for each axis; see `hw.guard.Drive`.
+    """Drives one servo for each axis; see `hw.drive.Drive`.
 
     Args:
         link: leads to the servos.
@@ -89,6 +60,8 @@ class ServoDrive:
         self._step = tuple(h.unit_rad(self._units.position_rad) for h in self._handles)
         self._watchdog = round(watchdog_s / reg.WATCHDOG_UNIT_S)
         self._zeros: list[int | None] = [handle.zero_counts for handle in self._handles]
+        self._calibrated = list(self._zeros)  # what the handles' ranges are counted from
+        self.limits = self._limited()
         count = len(self._handles)
         self._blocks: list[Block | None] = [None] * count
         self._offset = [inf] * count  # clock time at which the device's tick was 0
@@ -96,26 +69,6 @@ class ServoDrive:
         self._refused = [False] * count
         self._sent: list[int] | None = None
         self._on = False
-
-    @property
-    def limits(self) -> Limits:
-        """What may be asked for, counted from the present zero."""
-        moved = (
-            0.0 if h.zero_counts is None or z is None else (z - h.zero_counts) * step
-            for h, z, step in zip(self._handles, self._zeros, self._step, strict=True)
-        )
-        return Limits(
-            position_rad=tuple(
-                (h.range_rad[0] - m, h.range_rad[1] - m)
-                for h, m in zip(self._handles, moved, strict=True)
-            ),
-            velocity_rad_s=tuple(h.speed_rad_s for h in self._handles),
-        )
-
-    @property
-    def zero_counts(self) -> tuple[int | None, ...]:
-        """Position of each motor at handle angle zero [counts]; None before connecting."""
-        return tuple(self._zeros)
 
     def describe(self) -> dict[str, Any]:
         """Return how the motors are driven as plain values, with the zeros in force."""
@@ -153,7 +106,7 @@ class ServoDrive:
             self._link.ping(handle.id)
             if self._link.read(handle.id, reg.HARDWARE_ERROR):
                 self._link.reboot(handle.id)
-                self._await(axis, handle.id)
+                servo_setup.await_restart(self._link, self.clock, axis, handle.id)
         self._set_up()
 
     def transfer(self, goal: tuple[float, ...] | None) -> Reading:
@@ -240,6 +193,7 @@ class ServoDrive:
                 axis=self.axes[fresh.index(False)],
             )
         self._zeros = [block.position if block else None for block in self._blocks]
+        self.limits = self._limited()
 
     def close(self) -> None:
         """Torque off, let go of the port.
@@ -259,7 +213,7 @@ class ServoDrive:
             self._link.write(handle.id, reg.WATCHDOG, 0)
             self._link.write(handle.id, reg.TORQUE_ENABLE, 0)
         for axis, handle in zip(self.axes, self._handles, strict=True):
-            self._prepare(axis, handle)
+            servo_setup.prepare(self._link, self.clock, axis, handle, self._units)
         before = list(self._blocks)
         self._offset = [inf] * len(self._handles)
         fresh, _ = self._cycle(None)
@@ -271,59 +225,8 @@ class ServoDrive:
                     t=self.clock.now(),
                     axis=self.axes[place],
                 )
-            self._check(place, block)
             self._keep_zero(place, block.position, before[place])
-
-    def _prepare(self, axis: str, handle: Handle) -> None:
-        link, device = self._link, handle.id
-        _, firmware = link.ping(device)
-        if firmware < reg.OLDEST_FIRMWARE:
-            raise StateError(
-                f"handle motor {device} ({axis}) has firmware {firmware}, without a bus watchdog; "
-                f"update it to {reg.OLDEST_FIRMWARE} or newer",
-                t=self.clock.now(),
-                axis=axis,
-            )
-        if offset := link.read(device, reg.HOMING_OFFSET):
-            raise StateError(
-                f"handle motor {device} ({axis}) has a homing offset of {offset} counts, with "
-                "which its watchdog would let it creep; set it to 0 with endolock doctor --port "
-                "PORT --set-up, and its zero anew",
-                t=self.clock.now(),
-                axis=axis,
-            )
-        mode = reg.EXTENDED_POSITION if handle.current_limit_a is None else reg.CURRENT_POSITION
-        # Written only where it differs: the EEPROM wears.
-        for register, value in (
-            (reg.OPERATING_MODE, mode),
-            (reg.DRIVE_MODE, 0),  # not reversed, no ramp by time, torque never by a goal
-            (reg.RETURN_DELAY, 0),
-        ):
-            if link.read(device, register) != value:
-                link.write(device, register, value)
-        link.write(device, reg.STATUS_LEVEL, 2)
-        link.write(device, reg.PROFILE, bytes(reg.PROFILE.size))
-        if handle.current_limit_a is not None:
-            limit = round(handle.current_limit_a / self._units.current_a)
-            link.write(device, reg.GOAL_CURRENT, limit)
-        gathered = pack(f"<{reg.BLOCK_SIZE}H", *reg.BLOCK_ADDRESSES)
-        link.write(device, reg.INDIRECT_ADDRESS, gathered)
-
-    def _await(self, axis: str, device: int) -> None:
-        end = self.clock.now() + RESTART_S
-        while True:
-            try:
-                self._link.ping(device)
-                return
-            except LinkLost as error:
-                if self.clock.now() >= end:
-                    raise LinkLost(
-                        f"handle motor {device} ({axis}) does not answer after its restart; check "
-                        "its power, then clear_fault() again",
-                        t=self.clock.now(),
-                        axis=axis,
-                    ) from error
-                self.clock.sleep_until(self.clock.now() + 0.05)
+            self._check(place, block)
 
     def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
         """Do one cycle; tell who answered, and what is known then."""
@@ -414,11 +317,26 @@ class ServoDrive:
 
     def _keep_zero(self, place: int, position: int, before: Block | None) -> None:
         """Know the zero where none is given, and keep it over a restart, which forgets turns."""
-        zero = self._zeros[place]
-        if zero is None:
-            self._zeros[place] = position
+        zero, calibrated = self._zeros[place], self._calibrated[place]
+        if zero is None or calibrated is None:
+            self._zeros[place] = self._calibrated[place] = position
         elif before is not None:
-            self._zeros[place] = zero + reg.TURN * round((position - before.position) / reg.TURN)
+            turned = reg.TURN * round((position - before.position) / reg.TURN)
+            self._zeros[place], self._calibrated[place] = zero + turned, calibrated + turned
+
+    def _limited(self) -> Limits:
+        """What may be asked for, counted from the present zeros."""
+        moved = [
+            0.0 if zero is None or calibrated is None else (zero - calibrated) * step
+            for zero, calibrated, step in zip(
+                self._zeros, self._calibrated, self._step, strict=True
+            )
+        ]
+        rows = list(zip(self._handles, moved, strict=True))
+        return Limits(
+            position_rad=tuple((h.range_rad[0] - m, h.range_rad[1] - m) for h, m in rows),
+            velocity_rad_s=tuple(h.speed_rad_s for h in self._handles),
+        )
 
     def _counts(self, goal: tuple[float, ...]) -> list[int]:
         rows = zip(goal, self._step, self._zeros, strict=True)

@@ -18,7 +18,7 @@ from endolock.hw import registers as reg
 from endolock.hw.api import AXES, ConfigError, DeviceFault, HardwareError
 from endolock.hw.bus import Bus
 from endolock.hw.bus_log import Exchange, ReplayPort
-from endolock.hw.guard import Reading
+from endolock.hw.drive import Reading
 from endolock.hw.handle import Handle
 from endolock.hw.packets import BROADCAST, Instruction, Packet, Parser
 from endolock.hw.registers import Units

@@ -22,7 +22,8 @@ from endolock.control.hysteresis import Hysteresis, Plays
 from endolock.control.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
-from endolock.hw.guard import Guard, Reading
+from endolock.hw.drive import Reading
+from endolock.hw.guard import Guard
 from endolock.twin import camera
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument

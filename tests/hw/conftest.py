@@ -11,8 +11,9 @@ import pytest
 
 from endolock.hw.api import AXES, Clock, HardwareError, Limits
 from endolock.hw.bus import Bus
+from endolock.hw.drive import Reading
 from endolock.hw.emulated_bus import EmulatedBus
-from endolock.hw.guard import Guard, Reading
+from endolock.hw.guard import Guard
 from endolock.hw.loopback import Loopback
 from endolock.hw.servo_drive import ServoDrive
 from endolock.twin import motor
