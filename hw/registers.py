@@ -1,7 +1,8 @@
 """The control table of Dynamixel X-series servos, as far as handles need it, and its units.
 
 Reference:
-    ROBOTIS e-Manual, "XM430-W350", control table; XL, XC, XD, XH and XW have the same addresses.
+    ROBOTIS e-Manual, "XM430-W350", control table; other X series of the sizes 430 and 540 have the
+    same addresses, those of the size 330 have their indirect data elsewhere.
 """
 
 from __future__ import annotations

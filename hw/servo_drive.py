@@ -316,12 +316,16 @@ class ServoDrive:
             )
 
     def _keep_zero(self, place: int, position: int, before: Block | None) -> None:
-        """Know the zero where none is given, and keep it over a restart, which forgets turns."""
+        """Know the zero where none is given, and count turns so that it is the nearest one.
+
+        A motor forgets whole turns when it starts; after a restart it stands where it last did.
+        """
         zero, calibrated = self._zeros[place], self._calibrated[place]
         if zero is None or calibrated is None:
             self._zeros[place] = self._calibrated[place] = position
-        elif before is not None:
-            turned = reg.TURN * round((position - before.position) / reg.TURN)
+        else:
+            where = zero if before is None else before.position
+            turned = reg.TURN * round((position - where) / reg.TURN)
             self._zeros[place], self._calibrated[place] = zero + turned, calibrated + turned
 
     def _limited(self) -> Limits:

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pyarrow.compute as pc
 import tyro
 from rich.console import Console
 
 from endolock.control import laws
 from endolock.hw.api import ConfigError
 from endolock.scripts import output, recorder, rigs, run, theory, variation
+from endolock.vision.observation import Status
 
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
@@ -242,8 +244,13 @@ def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path)
 
 
 def error_over_time(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and true errors [px] of a logged run."""
-    ticks = recorder.read(folder, "ticks")
+    """Times [s] and errors [px] of a logged run: the true ones; on a bench what vision saw."""
+    rows = recorder.read(folder, "ticks")
     centre = recorder.configuration(folder)["calibration"]["centre_px"]
-    pixels = np.array(ticks["target_px"].to_pylist(), float)
-    return np.array(ticks["t"]), np.hypot(*(pixels - centre).T)
+    t = rows["t"]
+    if rows["target_px"].null_count == rows.num_rows:
+        rows = recorder.read(folder, "frames")
+        rows = rows.filter(pc.equal(rows["status"], Status.TRACKING))
+        t = rows["t_available"]
+    pixels = np.array(rows["target_px"].to_pylist(), float).reshape(-1, 2)
+    return np.array(t), np.hypot(*(pixels - centre).T)

@@ -13,7 +13,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.metadata import metadata as metadata_of
@@ -51,6 +51,13 @@ OPENGL = (
 class Request:
     """Try everything endolock needs of this machine, and say what to do where it fails."""
 
+    port: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="PORT")] = None
+    """Open this serial port too, best one of /dev/serial/by-id, and look for the motors on it, at
+    every baud rate; they neither move nor change. Without it no port is opened."""
+    set_up: bool = False
+    """With --port: set the two motors on it up, and write bench.toml here. They relax and restart;
+    return delay and homing offset become 0, the baud rate 1000000, and the present positions their
+    zeros: straighten the endoscope first."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the findings there as JSON; - prints them, and nothing else, on standard output."""
 
@@ -77,10 +84,18 @@ def main(request: Request) -> int:
     """Carry out `endolock doctor`; return 0 if all is well, else 2.
 
     Raises:
-        ConfigError: the JSON cannot be written.
+        ConfigError: the JSON or the bench file cannot be written; nothing was tried.
     """
     output.check_json(request.json)
-    findings = examine(Console(stderr=True))
+    console = Console(stderr=True)
+    if request.set_up:
+        from endolock.scripts import doctor_set_up
+
+        if request.port is None:
+            raise ConfigError("--set-up goes with --port PORT; say on which port the motors are")
+        doctor_set_up.check()
+        console.print(doctor_set_up.WARNING, style="bold", soft_wrap=True, highlight=False)
+    findings = examine(console, request)
     ok = all(finding.ok for finding in findings)
     output.write_json({"ok": ok, "checks": [asdict(f) for f in findings]}, request.json)
     if request.json != "-":
@@ -88,7 +103,7 @@ def main(request: Request) -> int:
     return 0 if ok else 2
 
 
-def examine(console: Console) -> list[Finding]:
+def examine(console: Console, request: Request) -> list[Finding]:
     """Carry out all checks in turn, showing on the console which one is under way."""
     sights: Sights = []
     checks: tuple[tuple[str, Callable[[], Finding], str], ...] = (
@@ -99,6 +114,7 @@ def examine(console: Console) -> list[Finding]:
         ("rerun", rerun_, f"{ALL}; see that {tempfile.gettempdir()} is writable"),
         ("disk", disk, "change to a folder that you may write to"),
         ("serial", serial, "look at ls -l /dev/serial/by-id"),
+        ("video", video, ALL),
         ("versions", versions, "get requirements.txt again: git checkout requirements.txt"),
     )
     findings = []
@@ -106,6 +122,8 @@ def examine(console: Console) -> list[Finding]:
         for name, check, advice in checks:
             status.update(f"trying {name}")
             findings.append(attempt(name, check, advice))
+        if request.port is not None:
+            findings += motors(request.port, request.set_up, lambda n: status.update(f"trying {n}"))
     return findings
 
 
@@ -234,33 +252,28 @@ def room(free_bytes: int, folder: Path) -> Finding:
     return Finding("disk", False, text, f"{needed}: make room, or give --out on another disk")
 
 
-def serial(devices: Path = Path("/dev")) -> Finding:
-    """List the serial ports on USB; see, without opening them, that they may be opened."""
-    found: dict[Path, str] = {}
-    for pattern in ("serial/by-id/*", "ttyUSB*", "ttyACM*"):
-        for link in sorted(devices.glob(pattern)):
-            found.setdefault(link.resolve(), link.name)
-    closed_to_us = {
-        port.name: port.group() for port in found if not os.access(port, os.R_OK | os.W_OK)
-    }
-    return ports({port.name: name for port, name in found.items()}, closed_to_us)
+def video() -> Finding:
+    """List the video devices."""
+    from endolock.hw import video as devices  # and with it OpenCV
+
+    return Finding("video", True, ", ".join(devices.devices()) or "none; the twin needs none")
 
 
-def ports(found: Mapping[str, str], closed_to_us: Mapping[str, str]) -> Finding:
-    """Judge serial ports.
+def serial() -> Finding:
+    """List the serial ports on USB, without opening them."""
+    from endolock.scripts import doctor_serial
 
-    Args:
-        found: names for people, by device.
-        closed_to_us: which of them we may not open, with the group that may.
-    """
-    if not found:
-        return Finding("serial", True, "none; the twin needs none")
-    text = ", ".join(f"{port} ({name})" if name != port else port for port, name in found.items())
-    if not closed_to_us:
-        return Finding("serial", True, text)
-    groups = ",".join(sorted(set(closed_to_us.values())))
-    text += f"; no permission to open {', '.join(closed_to_us)}"
-    return Finding("serial", False, text, f"sudo usermod -aG {groups} $USER, then log in again")
+    return doctor_serial.serial()
+
+
+def motors(port: str, set_up: bool, tell: Callable[[str], None]) -> list[Finding]:
+    """Open a serial port and look at the motors on it, or set them up."""
+    try:
+        from endolock.scripts import doctor_serial, doctor_set_up
+    except ModuleNotFoundError as error:
+        return [Finding("port", False, str(error), ALL)]
+    change = doctor_set_up.set_up if set_up else None
+    return doctor_serial.examine(port, tell, change=change)
 
 
 def versions(listed: Path = LISTED) -> Finding:

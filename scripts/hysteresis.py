@@ -182,6 +182,11 @@ def _strokes(
     request: Request, show_progress: bool, *, whole: bool = True
 ) -> tuple[Strokes, float, float]:
     """Run the protocol once; also return the other axis' bend [rad] and the time it took [s]."""
+    if request.rig.startswith(rigs.SERIAL):
+        raise ConfigError(
+            "a bench has no pose tracker here; use --rig twin or hil, or log strokes as a CSV file "
+            "for endolock identify"
+        )
     rig, _ = rigs.make(
         request.rig,
         scenario_for(request.shaft_deg, request.noise_deg),

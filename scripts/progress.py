@@ -1,4 +1,4 @@
-"""A progress bar in simulated time, and a Ctrl-C that ends a run between two ticks."""
+"""A progress bar in simulated time, and a Ctrl-C or kill that ends a run between two ticks."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 @contextmanager
 def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar on standard error; Ctrl-C ends the run at the next whole tick."""
+    """Show a bar on standard error; Ctrl-C, or a kill, ends the run at the next whole tick."""
     asked: list[int] = []
 
     def ask(number: int, _frame: object) -> None:
         asked.append(number)
 
     listening = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, ask) if listening else None
+    asking = (signal.SIGINT, signal.SIGTERM) if listening else ()
+    before = {number: signal.signal(number, ask) for number in asking}
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -48,5 +49,5 @@ def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[fl
             finally:
                 bar.update(task, completed=now)
     finally:
-        if listening:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

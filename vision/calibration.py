@@ -76,7 +76,11 @@ def calibrate(
             f"calibration leaves {rms:.2f} px rms, {MAX_RMS_PX} allowed; is it a {projection} "
             "camera, and the board printed at 100 %?"
         )
-    if (tilt := _spread(found, points, pixels)) < MIN_TILT_DEG:
+    try:
+        tilt = _spread(found, points, pixels)
+    except cv2.error:  # a lens that no board can be placed in front of
+        tilt = 0.0
+    if tilt < MIN_TILT_DEG:
         raise ConfigError(
             f"the board is seen within {tilt:.0f} deg of one direction, {MIN_TILT_DEG:.0f} needed; "
             "record it from more sides"

@@ -181,8 +181,9 @@ def test_of_a_sync_write_one_may_refuse_its_part(line: Line) -> None:
 
 
 def test_of_a_sync_write_that_is_cut_short_the_whole_parts_count(line: Line) -> None:
-    assert line.ask(BROADCAST, Instruction.SYNC_WRITE, GOALS[:-1]) == []
-    assert line.goals == (2200, CENTRE)
+    ramps = of(reg.PROFILE) + pack("<BqBq", 1, 11, 2, 22)
+    assert line.ask(BROADCAST, Instruction.SYNC_WRITE, ramps[:-1]) == []
+    assert [value(servo, reg.PROFILE) for servo in (line.first, line.second)] == [11, 0]
 
 
 def test_a_sync_read_is_answered_in_the_order_asked(line: Line) -> None:
@@ -380,11 +381,12 @@ def test_a_request_may_come_in_pieces(line: Line) -> None:
 
 
 def test_a_request_that_stops_half_way_is_given_up_after_a_while(line: Line) -> None:
-    half, ping = encode(1, Instruction.WRITE, GOAL)[:7], encode(2, Instruction.PING)
-    assert line.hear(half + ping[:4]) == []
+    much, ping = encode(1, Instruction.WRITE, bytes(60)), encode(2, Instruction.PING)
+    assert line.hear(much[:10]) == []
+    line.wait(0.9 * UNFINISHED_S)
+    assert line.hear(ping) == []  # taken for more of it
     line.wait(1.1 * UNFINISHED_S)
     assert [packet.id for packet in line.hear(ping)] == [2]
-    assert line.hear(ping[4:]) == []
 
 
 def test_two_requests_may_come_together(line: Line) -> None:

@@ -14,6 +14,7 @@ from tests.hw.emulated import PERIOD_S, STEP_RAD, Emulated
 
 from endolock.hw import registers as reg
 from endolock.hw.api import (
+    AXES,
     Command,
     DeviceFault,
     HardwareError,
@@ -23,6 +24,7 @@ from endolock.hw.api import (
     StateError,
 )
 from endolock.hw.guard import Guard, GuardSettings
+from endolock.hw.handle import Handle
 from endolock.hw.servo_drive import WATCHDOG_S, ServoDrive
 from endolock.hw.wire_faults import WireFault
 
@@ -346,3 +348,16 @@ def test_a_restart_keeps_the_zero_over_whole_turns() -> None:
             guard.exchange(None)
         guard.clear_fault()
         assert guard.enable().position == pytest.approx((3.0, -3.0), abs=0.002)  # droop, a count
+
+
+@pytest.mark.parametrize("zero", [4090, 10, 2048])
+def test_power_on_takes_the_turn_next_to_the_zero(zero: int) -> None:
+    """A motor wakes up within 0..4095, wherever it was when its zero was taken."""
+    handles = {a: Handle(id=i, zero_counts=zero) for i, a in enumerate(AXES, 1)}
+    bench = Emulated(handles=handles)
+    for servo, away in zip(bench.servos, (10, -900), strict=True):
+        servo._start((zero + away) % reg.TURN)
+    with bench.guard as guard:
+        state = guard.enable()
+        assert state.position == pytest.approx((10 * STEP_RAD, -900 * STEP_RAD))  # rounding
+        assert guard.limits.position_rad == tuple(h.range_rad for h in handles.values())

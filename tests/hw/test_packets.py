@@ -180,6 +180,12 @@ def test_a_claim_that_no_packet_makes_is_not_waited_for() -> None:
         assert Parser().feed(claims + whole(GOOD)) == [GOOD]
 
 
+@pytest.mark.parametrize("start", ["FF FF FD 00 01 02 00", "FF FF FD 01 01 03 00 01"])
+def test_what_is_too_short_or_not_reserved_is_none_however_well_it_sums_up(start: str) -> None:
+    raw = bytes.fromhex(start)
+    assert Parser().feed(raw + crc(raw).to_bytes(2, "little") + whole(GOOD)) == [GOOD]
+
+
 def test_an_unfinished_packet_is_told_and_can_be_forgotten() -> None:
     parser = Parser()
     assert not parser.partial

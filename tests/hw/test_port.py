@@ -6,10 +6,10 @@ import fcntl
 import os
 import subprocess
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from struct import unpack
@@ -135,6 +135,26 @@ def test_a_baud_rate_lasts(port: Port, line: PtyLine) -> None:
     assert line.baud == 57_600
 
 
+def test_a_line_that_was_left_to_be_typed_on_is_made_plain(port: Port, line: PtyLine) -> None:
+    port.close()
+    fd = os.open(line.path, os.O_RDWR | os.O_NOCTTY)
+    modes = termios.tcgetattr(fd)
+    modes[0] |= termios.ICRNL | termios.IXON
+    modes[1] |= termios.OPOST | termios.ONLCR
+    modes[3] |= termios.ICANON | termios.ECHO | termios.ISIG
+    termios.tcsetattr(fd, termios.TCSANOW, modes)
+    os.close(fd)
+    port.open()
+    test_every_byte_goes_through_unchanged(port, line)
+
+
+def test_what_was_sent_before_it_was_closed_arrives(port: Port, line: PtyLine) -> None:
+    port.send(b"good-bye")
+    port.close()
+    assert heard(line, 8) == b"good-bye"
+    assert not line.wait(0.0)
+
+
 def test_what_came_before_it_was_opened_is_not_told(port: Port, line: PtyLine) -> None:
     line.write(b"old")
     port.open()
@@ -216,11 +236,14 @@ def test_being_unplugged_is_not_silence(
 
 
 @pytest.mark.parametrize("use", USES.values(), ids=USES.keys())
-def test_closed_it_is_gone(port: Port, use: Callable[[Port], object]) -> None:
+def test_closed_it_is_gone(
+    make: Make, port: Port, line: PtyLine, use: Callable[[Port], object]
+) -> None:
     port.close()
     port.close()
-    with pytest.raises(PortGone, match=gone(port.name)):
-        use(port)
+    for closed in (port, make(line.path)):  # one that never was open
+        with pytest.raises(PortGone, match=gone(port.name)):
+            use(closed)
 
 
 def test_whoever_waits_is_told(port: Port, line: PtyLine) -> None:
@@ -309,82 +332,3 @@ def test_a_folder_of_lasting_names_is_not_needed(line: PtyLine, tmp_path: Path) 
 
 def test_here_a_port_is_that_of_linux() -> None:
     assert isinstance(serial_port("/dev/ttyUSB0", 57_600), SerialPort)
-
-
-# The far end.
-
-
-def test_a_link_always_leads_to_a_line(tmp_path: Path) -> None:
-    link = tmp_path / "handles"
-    line, seen, done = PtyLine(link), set(), threading.Event()
-
-    def look() -> None:
-        while not done.is_set():
-            seen.add(link.readlink())  # raises where there is none
-
-    with ThreadPoolExecutor() as pool:
-        looking = pool.submit(look)
-        for _ in range(200):
-            line.plug_in()
-        done.set()
-        looking.result()
-    assert all(target.parent == Path("/dev/pts") for target in seen)
-    line.close()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_is_no_link_is_not_replaced(tmp_path: Path) -> None:
-    file = tmp_path / "handles"
-    file.write_text("keep me")
-    before = len(list(Path("/proc/self/fd").iterdir()))
-    message = f"^{file} exists and is no link; give another --link$"
-    with pytest.raises(ConfigError, match=message):
-        PtyLine(file)
-    assert file.read_text() == "keep me"
-    assert len(list(Path("/proc/self/fd").iterdir())) == before
-
-
-def test_a_link_that_cannot_be_made_is_told(tmp_path: Path) -> None:
-    link = tmp_path / "none" / "handles"
-    message = f"^cannot make the link {link}: No such file or directory; give another --link$"
-    with pytest.raises(ConfigError, match=message):
-        PtyLine(link)
-
-
-def test_a_link_that_leads_elsewhere_by_now_is_left(tmp_path: Path) -> None:
-    link = tmp_path / "handles"
-    first, second = PtyLine(link), PtyLine(link)
-    first.close()
-    first.close()
-    assert link.is_symlink()
-    second.close()
-    assert not link.is_symlink()
-
-
-def test_a_dangling_link_is_replaced(tmp_path: Path) -> None:
-    link = tmp_path / "handles"
-    link.symlink_to(tmp_path / "gone")
-    line = PtyLine(link)
-    assert link.resolve().parent == Path("/dev/pts")
-    line.close()
-
-
-def test_nothing_comes_of_a_line_that_nobody_has_open(line: PtyLine) -> None:
-    line.write(b"lost")
-    assert not line.wait(0.0)
-    assert line.read() == b""
-    port = ours(line.path)
-    port.open()
-    assert port.receive(0.0) == b""
-    port.close()
-
-
-def test_nothing_comes_of_a_line_that_is_unplugged(line: PtyLine) -> None:
-    assert line.plugged
-    line.unplug()
-    line.unplug()
-    assert not line.plugged
-    assert line.fileno() < 0
-    line.write(b"lost")
-    assert not line.wait(0.0)
-    assert line.read() == b""

@@ -118,6 +118,8 @@ def test_the_page_lists_the_registers_that_there_are() -> None:
     for name, row in table.items():
         assert (int(row["address"]), int(row["bytes"])) == getattr(reg, name), name
     assert list(table) == sorted(table, key=lambda name: getattr(reg, name).address)
+    for heading in ("The block", "Connect", "Enable", "Leave"):
+        assert {row["register"].strip("`") for row in rows(heading)} - {""} <= {*table}
 
 
 def test_the_page_shows_the_block_that_is_read() -> None:

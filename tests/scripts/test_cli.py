@@ -221,10 +221,11 @@ def test_the_demo_shows_two_laws(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert (tmp_path / "demo" / name).exists()
 
 
-def test_interrupted_it_holds_and_closes_the_folder(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_it_holds_and_closes_the_folder(how: signal.Signals, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     process = _start_long_run(folder)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(how)
     assert process.wait(timeout=60) == 130
     record = json.loads((folder / "metrics.json").read_text())
     assert record["interrupted"] is True

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from endolock.hw import video
 from endolock.hw.api import ConfigError
 from endolock.scripts import doctor
 
-NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "versions"]
+NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "video", "versions"]
 
 
 def test_all_is_well_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,24 +125,12 @@ def test_an_hour_of_runs_must_fit(free_gb: float, ok: bool) -> None:
     assert ("an hour takes 2.1 GB" in finding.advice) is not ok
 
 
-def test_serial_ports_are_named_once_and_by_what_is_plugged_in(tmp_path: Path) -> None:
-    (tmp_path / "ttyUSB0").touch()
-    (tmp_path / "ttyACM1").touch()
-    by_id = tmp_path / "serial" / "by-id"
-    by_id.mkdir(parents=True)
-    (by_id / "usb-FTDI_Converter_FT1-if00-port0").symlink_to("../../ttyUSB0")
-    finding = doctor.serial(tmp_path)
-    assert finding.ok
-    assert finding.text == "ttyUSB0 (usb-FTDI_Converter_FT1-if00-port0), ttyACM1"
-
-
-def test_a_port_that_may_not_be_opened_names_the_group_to_join() -> None:
-    found = {"ttyUSB0": "ttyUSB0", "ttyACM1": "ttyACM1"}
-    finding = doctor.ports(found, {"ttyUSB0": "dialout"})
-    assert not finding.ok
-    assert finding.text == "ttyUSB0, ttyACM1; no permission to open ttyUSB0"
-    assert finding.advice == "sudo usermod -aG dialout $USER, then log in again"
-    assert doctor.ports({}, {}).text == "none; the twin needs none"
+def test_video_devices_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = ["/dev/video0 (Grabber)", "/dev/video2"]
+    monkeypatch.setattr(video, "devices", lambda: there)
+    assert doctor.video() == doctor.Finding("video", True, "/dev/video0 (Grabber), /dev/video2")
+    there.clear()
+    assert doctor.video().text == "none; the twin needs none"
 
 
 def test_the_table_keeps_every_word_within_80_columns() -> None:

@@ -44,7 +44,7 @@ def test_the_configuration_says_what_was_run(folder: Path) -> None:
     assert set(recorder.PACKAGES) < set(told["versions"])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 @pytest.mark.parametrize("table", ["ticks", "frames"])
 def test_a_table_cut_anywhere_is_read_up_to_a_whole_row(

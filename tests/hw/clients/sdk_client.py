@@ -11,6 +11,7 @@ import sys
 import time
 
 from dynamixel_sdk import (
+    BROADCAST_ID,
     COMM_SUCCESS,
     DXL_HIBYTE,
     DXL_HIWORD,
@@ -83,7 +84,7 @@ print(f"motor 1 has {volts} V, motor 2 {degrees} °C")
 
 sure(*packets.regWriteTxRx(port, 1, GOAL, 4, [0, 8, 0, 0]))
 print("registered:", packets.read4ByteTxRx(port, 1, GOAL)[0])
-sure(packets.action(port, 1))
+sure(packets.action(port, BROADCAST_ID))  # of one motor the library leaves the answer lying
 print("done:", packets.read4ByteTxRx(port, 1, GOAL)[0])
 for device in GOALS:
     sure(*packets.write1ByteTxRx(port, device, TORQUE, 0))

@@ -1,0 +1,101 @@
+"""Emulated servos at the far end of a pty, in this process and in wall time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from math import exp
+from threading import Event, Thread
+from types import TracebackType
+from typing import Self
+
+from endolock.hw import registers as reg
+from endolock.hw.emulated_bus import EmulatedBus
+from endolock.hw.emulator import Emulator
+from endolock.hw.packets import Parser
+from endolock.hw.pty_line import PtyLine
+from endolock.hw.servo import Servo
+
+
+class LagMotor:
+    """A position motor of first order."""
+
+    def __init__(self, angle_rad: float) -> None:
+        self.angle_rad = self.goal_rad = angle_rad
+        self.on, self._at = False, time.monotonic()
+
+    def measure(self) -> tuple[float, float, float]:
+        """Return angle, speed and current."""
+        now = time.monotonic()
+        if self.on:
+            left = exp((self._at - now) / 0.025)
+            self.angle_rad = self.goal_rad + (self.angle_rad - self.goal_rad) * left
+        self._at = now
+        return self.angle_rad, 0.0, 0.0
+
+    def aim(self, angle_rad: float) -> None:
+        """Make that the goal."""
+        self.measure()
+        self.goal_rad = angle_rad
+
+    def power(self, on: bool) -> None:
+        """Switch torque."""
+        self.measure()
+        self.on = on
+
+
+class HeardBus(EmulatedBus):
+    """Remembers what it was asked."""
+
+    def __init__(self, servos: Sequence[Servo]) -> None:
+        super().__init__(servos, time.monotonic)
+        self._heard = Parser()
+        self.asked: set[int] = set()
+
+    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
+        """Take bytes in, return answers."""
+        self.asked |= {packet.instruction for packet in self._heard.feed(data)}
+        return super().hear(data, baud)
+
+
+class Served:
+    """Servos at the far end of a pty, answered by a thread."""
+
+    def __init__(self, *servos: Servo) -> None:
+        self.bus, self.line = HeardBus(servos), PtyLine()
+        self._emulator = Emulator(self.bus, self.line)
+        self._stop, self.pull = Event(), Event()
+        """Once set, `pull` pulls the plug."""
+        self._thread = Thread(target=self._run)
+
+    @property
+    def path(self) -> str:
+        """The client's end."""
+        return self.line.path
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            if self.pull.is_set():
+                self.line.unplug()
+            if self.line.wait(0.01):
+                self._emulator.answer()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.line.close()
+
+
+def servo(device: int, angle_rad: float = 0.0, *, baud: int = 1_000_000) -> Servo:
+    """Make one as the factory does, but for id and baud rate."""
+    index = reg.BAUDS.index(baud)
+    return Servo(LagMotor(angle_rad), device=device, now=time.monotonic, baud=index)

@@ -1,0 +1,93 @@
+"""The pages for who has a bench name commands that exist, and the numbers of the code."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.scripts.served import Served, servo
+
+from endolock.hw.api import Command
+from endolock.scripts import doctor_serial
+
+ROOT = Path(__file__).parents[2]
+BENCH, SAFETY = (ROOT / "docs" / name for name in ("bench.md", "safety.md"))
+ROW = re.compile(r"^\| `([\w.]+)` \| (\S+)(?: (\S+))? \| (\w+/\w+)\.py \|$", re.MULTILINE)
+COMMANDS = re.findall(r"\./run endolock (\w+)([^`#\n]*)", BENCH.read_text())
+
+
+def _value(file: str, name: str) -> Any:
+    """A constant of a file, or the default of a field of a class there."""
+    value: Any = import_module(f"endolock.{file.replace('/', '.')}")
+    for part in name.split("."):
+        fields = getattr(value, "model_fields", {})
+        value = fields[part].default if part in fields else getattr(value, part)
+    return value
+
+
+def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
+    rows = ROW.findall(SAFETY.read_text())
+    assert len(rows) == len(re.findall(r"^\| `", SAFETY.read_text(), re.MULTILINE)) - 1  # estop
+    for name, value, _, file in rows:
+        told = int(value, 16) if value.startswith("0x") else float(value)
+        assert told == _value(file, name), name
+
+
+def test_no_other_number_is_told() -> None:
+    """What stops within which time is one of the constants."""
+    known = {f"{value} {unit}" for _, value, unit, _ in ROW.findall(SAFETY.read_text())}
+    told = set(re.findall(r"[\d.]+ (?:s|rad/s|rad)\b", SAFETY.read_text()))
+    assert len(told) > 4
+    assert told <= known
+
+
+def test_every_kind_that_relaxes_a_motor_is_named() -> None:
+    shutdown = _value("hw/registers", "DEFAULT_SHUTDOWN")
+    errors = _value("hw/registers", "HARDWARE_ERRORS")
+    kinds = {bit: kind for bit, (kind, *_) in errors.items() if bit & shutdown}
+    assert kinds == {0x04: "overheat", 0x10: "voltage", 0x20: "overload"}
+    assert "| overload, overheat, electrical shock |" in SAFETY.read_text()
+
+
+@pytest.mark.parametrize(("command", "words"), COMMANDS, ids=[c + w for c, w in COMMANDS])
+def test_commands_of_the_page_exist(command: str, words: str) -> None:
+    fields = import_module(f"endolock.scripts.{command}").Request.__dataclass_fields__
+    for option in re.findall(r"--([\w-]+)", words):
+        assert option.replace("-", "_") in fields
+
+
+def test_links_lead_somewhere() -> None:
+    for page in (BENCH, SAFETY):
+        for link in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+            assert (page.parent / link).exists(), link
+
+
+def test_the_rule_is_that_of_the_doctor() -> None:
+    assert f"\n    {doctor_serial.UDEV_RULE}\n" in BENCH.read_text()
+    assert f"`{doctor_serial.UDEV_FILE}`" in BENCH.read_text()
+
+
+def test_a_new_motor_gets_its_id() -> None:
+    (code,) = (block for block in _blocks() if "reg.ID" in block)
+    motor = servo(1, baud=57_600)
+    with Served(motor) as served:
+        exec(compile(code.replace('"PORT"', repr(served.path)), "bench.md", "exec"), {})
+    assert motor.id == 2
+
+
+def test_the_law_that_holds_is_one() -> None:
+    (code,) = (block for block in _blocks() if "class Still" in block)
+    names: dict[str, Any] = {}
+    exec(compile(code, "still.py", "exec"), names)
+    law = names["make"](None)
+
+    class Standing:
+        position = 0.3, -0.2
+
+    law.reset(Standing)
+    assert law.update(0.0, None, None) == Command(position=(0.3, -0.2))
+
+
+def _blocks() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", BENCH.read_text(), re.DOTALL)
