@@ -8,7 +8,8 @@ every block that comes.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from struct import pack
 from typing import NamedTuple
@@ -128,7 +129,8 @@ class Bus:
 
     def reboot(self, device: int) -> None:
         """Let a motor start anew; it answers again after a moment."""
-        self._ask(device, Instruction.REBOOT, b"", size=0)
+        with suppress(LinkLost):  # it may be on its way before its answer is heard
+            self._ask(device, Instruction.REBOOT, b"", size=0)
 
     def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
         """Write one register of several motors at once; nobody answers."""
@@ -151,9 +153,9 @@ class Bus:
         """
         kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
         data = pack("<HH", *register) + bytes(devices)
-        count = 1 if fast else len(devices)
+        who = (BROADCAST,) if fast else tuple(devices)
         found = {}
-        for packet in self._collect(encode(BROADCAST, kind, data), count):
+        for packet in self._collect(encode(BROADCAST, kind, data), who):
             parts = [(packet.parameters[0], packet.id, packet.parameters[1:])]
             if fast:
                 parts = split_fast(packet.parameters, register.size)
@@ -170,7 +172,7 @@ class Bus:
         """
         data = b"".join(pack("<BHH", device, *r) for device, r in registers.items())
         request = encode(BROADCAST, Instruction.BULK_READ, data)
-        answers = {p.id: p.parameters[1:] for p in self._collect(request, len(registers))}
+        answers = {p.id: p.parameters[1:] for p in self._collect(request, tuple(registers))}
         return {
             device: int.from_bytes(answers[device], "little", signed=True)
             for device, register in registers.items()
@@ -228,7 +230,7 @@ class Bus:
         """Send a request to one motor until it answers; return the data of the answer."""
         request = encode(device, kind, parameters)
         for _ in range(TRIES):
-            for packet in self._collect(request, 1, device):
+            for packet in self._collect(request, (device,)):
                 error, data = packet.parameters[0] & ~ALERT, packet.parameters[1:]
                 if error == Refusal.CRC:
                     continue
@@ -250,23 +252,26 @@ class Bus:
             axis=self._names.get(device),
         )
 
-    def _collect(
-        self, request: bytes, count: int | None = None, device: int | None = None
-    ) -> list[Packet]:
-        """Send a request; return so many status packets, or all that come in time."""
+    def _collect(self, request: bytes, who: Collection[int] | None = None) -> list[Packet]:
+        """Send a request; return the status packet of each of these ids, or of all that come.
+
+        Args:
+            request: what to send.
+            who: ids whose answers are waited for, one each; None: all that come in time.
+        """
         found: list[Packet] = []
 
         def talk() -> None:
             self._drain()
             self._send(request)
             give_up = time.monotonic() + self._timeout_s
-            while count is None or len(found) < count:
+            while who is None or len(found) < len(who):
                 data, _ = self._receive(give_up - time.monotonic())
                 if not data:
                     return
                 for packet in self._parser.feed(data):
                     answers = packet.instruction == Instruction.STATUS and packet.parameters
-                    if answers and device in (None, packet.id):
+                    if answers and (who is None or packet.id in who):
                         found.append(packet)
 
         self._told(talk)

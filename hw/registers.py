@@ -53,7 +53,7 @@ VOLTAGE = Register(144, 2)
 TEMPERATURE = Register(146, 1)
 INDIRECT_ADDRESS = Register(168, 56)
 INDIRECT_DATA = Register(224, 28)
-END = 660
+END = 662
 """Size of the table [bytes]."""
 EEPROM_END = 64
 """What lies below is kept without power, and locked while torque is on."""
