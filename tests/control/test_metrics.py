@@ -28,7 +28,7 @@ GROUPS = {
     "handle": {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s"},
 }
 SINGLE = {"frames", "frames_dropped", "detected_fraction", "lost_fraction", "time_to_lock_s"}
-SINGLE |= {"blur_px"}
+SINGLE |= {"overruns", "blur_px"}
 TRUE_ERRORS = {"error_px", "error_deg", "vision_error_px"}
 
 POSE = Pose(t=0.0, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0))
@@ -187,11 +187,17 @@ def test_without_truth_only_the_delayed_error_is_known() -> None:
 
 def test_an_empty_run_has_no_scores() -> None:
     result = score([])
-    assert (result["frames"], result["frames_dropped"]) == (0, 0)
-    for name in SINGLE - {"frames", "frames_dropped"}:
+    counts = {"overruns", "frames", "frames_dropped"}
+    assert {result[name] for name in counts} == {0}
+    for name in SINGLE - counts:
         assert result[name] is None
     for name in GROUPS:
         assert set(result[name].values()) == {None}
+
+
+def test_ticks_that_came_too_late_are_counted() -> None:
+    ticks = [replace(tick(n * PERIOD_S), skipped=n % 3) for n in range(7)]
+    assert score(ticks)["overruns"] == 6
 
 
 def test_what_comes_before_is_not_scored() -> None:
