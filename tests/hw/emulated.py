@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import exp
 
-from endolock.hw.api import AXES, Command, State
+from endolock.hw.api import AXES, Clock, Command, State
 from endolock.hw.bus import Bus
 from endolock.hw.emulated_bus import EmulatedBus
 from endolock.hw.guard import Guard
@@ -48,8 +48,8 @@ class BenchClock:
 class LagMotor:
     """A motor of first order, p' = (goal - p) / lag, that stays where it is without power."""
 
-    def __init__(self, clock: BenchClock, angle_rad: float) -> None:
-        self._clock, self._at = clock, 0.0
+    def __init__(self, clock: Clock, angle_rad: float) -> None:
+        self._clock, self._at = clock, clock.now()
         self.angle_rad = self.goal_rad = angle_rad
         self.on = False
         self.load_a = 0.0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.scripts.served import Served, servo
+from tests.hw.served import Served, servo
 
 from endolock.hw.api import Command
 from endolock.scripts import doctor_serial

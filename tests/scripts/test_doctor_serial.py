@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from tests.scripts.served import Served, servo
+from tests.hw.served import Served, servo
 
 from endolock.hw import bench as benches
 from endolock.hw import registers as reg

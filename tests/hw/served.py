@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from math import exp
+from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
 from typing import Self
+
+from tests.hw.emulated import LagMotor
 
 from endolock.hw import registers as reg
 from endolock.hw.emulated_bus import EmulatedBus
@@ -15,33 +17,7 @@ from endolock.hw.emulator import Emulator
 from endolock.hw.packets import Parser
 from endolock.hw.pty_line import PtyLine
 from endolock.hw.servo import Servo
-
-
-class LagMotor:
-    """A position motor of first order."""
-
-    def __init__(self, angle_rad: float) -> None:
-        self.angle_rad = self.goal_rad = angle_rad
-        self.on, self._at = False, time.monotonic()
-
-    def measure(self) -> tuple[float, float, float]:
-        """Return angle, speed and current."""
-        now = time.monotonic()
-        if self.on:
-            left = exp((self._at - now) / 0.025)
-            self.angle_rad = self.goal_rad + (self.angle_rad - self.goal_rad) * left
-        self._at = now
-        return self.angle_rad, 0.0, 0.0
-
-    def aim(self, angle_rad: float) -> None:
-        """Make that the goal."""
-        self.measure()
-        self.goal_rad = angle_rad
-
-    def power(self, on: bool) -> None:
-        """Switch torque."""
-        self.measure()
-        self.on = on
+from endolock.hw.wall_clock import WallClock
 
 
 class HeardBus(EmulatedBus):
@@ -61,11 +37,11 @@ class HeardBus(EmulatedBus):
 class Served:
     """Servos at the far end of a pty, answered by a thread."""
 
-    def __init__(self, *servos: Servo) -> None:
-        self.bus, self.line = HeardBus(servos), PtyLine()
+    def __init__(self, *servos: Servo, link: Path | None = None) -> None:
+        self.bus, self.line = HeardBus(servos), PtyLine(link)
         self._emulator = Emulator(self.bus, self.line)
         self._stop, self.pull = Event(), Event()
-        """Once set, `pull` pulls the plug."""
+        """While set, the plug is pulled."""
         self._thread = Thread(target=self._run)
 
     @property
@@ -77,6 +53,10 @@ class Served:
         while not self._stop.is_set():
             if self.pull.is_set():
                 self.line.unplug()
+            elif not self.line.plugged:
+                self.line.plug_in()
+            for servo in self.bus.servos:
+                servo.watch()
             if self.line.wait(0.01):
                 self._emulator.answer()
 
@@ -98,4 +78,5 @@ class Served:
 def servo(device: int, angle_rad: float = 0.0, *, baud: int = 1_000_000) -> Servo:
     """Make one as the factory does, but for id and baud rate."""
     index = reg.BAUDS.index(baud)
-    return Servo(LagMotor(angle_rad), device=device, now=time.monotonic, baud=index)
+    motor = LagMotor(WallClock(0.0), angle_rad)
+    return Servo(motor, device=device, now=time.monotonic, baud=index)
