@@ -278,6 +278,9 @@ class ServoDrive:
 
     def _check(self, place: int, block: Block) -> None:
         """Raise what a block tells of its motor."""
+        tripped = self._on and block.watchdog == reg.TRIPPED
+        if not block.hardware_error and not tripped:
+            return
         name, axis, now = self._name(place), self.axes[place], self.clock.now()
         for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items():
             if block.hardware_error & bit:
@@ -288,9 +291,7 @@ class ServoDrive:
                     t=now,
                     axis=axis,
                 )
-        if not self._on:
-            return
-        if block.watchdog == reg.TRIPPED:
+        if tripped:
             raise DeviceFault(
                 f"handle motor {name} stopped by itself: nothing was heard of us for "
                 f"{self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is; see what kept "

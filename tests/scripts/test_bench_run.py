@@ -50,7 +50,7 @@ def test_hil_equals_the_twin_bit_for_bit(eyes: str, seconds: str, tmp_path: Path
 
 
 def test_hil_repeats_itself_bit_for_bit_over_a_line_with_faults(tmp_path: Path) -> None:
-    faults = tuple(parse(text) for text in ("duplicate=0.01@0.1", "lost=0.05@0.1"))
+    faults = tuple(parse(text) for text in ("lost=0.2@0.1", "late=0.003@0.1"))
     for name in ("a", "b"):
         with HilRig("circle", seed=3, pictures=False, faults=faults) as rig:
             folder = recorder.RunFolder(tmp_path / name, rig.describe())
