@@ -75,10 +75,10 @@ def main(request: Request) -> int:
     }
     end = FarEnd(setup)
     try:
+        camera = f", camera at {end.stream.address}" if end.stream else ""
         Console(highlight=False).print(
-            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}",
-            *(["and a camera at", end.stream.address] if end.stream else []),
-            "; Ctrl-C ends",
+            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}{camera}; "
+            "Ctrl-C ends",
             soft_wrap=True,
             markup=False,
         )

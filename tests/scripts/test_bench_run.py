@@ -128,7 +128,7 @@ def emulator(tmp_path: Path) -> Iterator[Path]:
         process = subprocess.Popen([*command, "--video", "0"], stdout=file, cwd=tmp_path, text=True)
     try:
         _wait(lambda: "Ctrl-C ends" in said.read_text(), process)
-        address = said.read_text().split("camera at ")[1].split()[0]
+        address = said.read_text().split("camera at ")[1].split(";")[0]
         (tmp_path / "bench.toml").write_text(f'[camera]\nsource = "{address}"\n')
         yield link
     finally:
