@@ -12,6 +12,9 @@ from endolock.vision.observation import Eyes, Observation, Status
 
 PERIOD_S = 0.020
 """Control period [s]: 50 Hz, two ticks to a frame."""
+BLIND_S = 2.0
+"""Without a new frame for longer than this [s] the video has stopped: the lock is lost, and the
+handles hold until one comes. Assumed: twice the longest latency here, and some."""
 
 
 class Controller(Protocol):
@@ -143,6 +146,9 @@ def run(
 ) -> Run:
     """Keep the target in the centre for a while; the handles hold when it returns or raises.
 
+    Whoever goes on with the rig must do so before the motors' own watchdog stops them, or clear its
+    fault. Where no frame comes any more the handles hold, and the lock is lost.
+
     Args:
         rig: clock, handles and camera; connected here if it is not.
         eyes: turns frames into observations.
@@ -172,13 +178,18 @@ def run(
     before = rig.camera.latest()  # what arrived before the run is none of its business
     stale = before is not None and before.t_available < start
     status, newest, shown = Status.SEARCHING, before.seq if before and stale else -1, -1
+    seen_at, blind = start, False
     try:
         for t, skipped in ticks(rig.clock, period_s, start + duration_s):
+            blind = t - seen_at > BLIND_S
+            if blind:
+                command, status = None, Status.LOST
+                actuators.hold()
             state = actuators.exchange(command)
             observation = None
             frame = rig.camera.latest()
             if frame is not None and frame.seq > newest:
-                newest = frame.seq
+                newest, seen_at = frame.seq, t
                 observation = eyes(frame)
                 status = observation.status
                 overview = rig.overview.latest() if rig.overview else None
@@ -207,7 +218,10 @@ def run(
             if recorder:
                 recorder.tick(tick)
             result.ticks.append(tick)
-            command = controller.update(t, state, observation)
+            if blind and observation is not None:
+                controller.reset(state)  # what it remembers is of another time
+            if not blind or observation is not None:
+                command = controller.update(t, state, observation)
             if progress:
                 progress(t)
     except KeyboardInterrupt:

@@ -186,7 +186,11 @@ class Actuators(Protocol):
         """
 
     def disable(self) -> None:
-        """Switch torque off."""
+        """Switch torque off.
+
+        Raises:
+            HardwareError: a motor could not be told; latched, like any other fault.
+        """
 
     def clear_fault(self) -> None:
         """Forget a latched fault and get the device ready; the motors stay off until `enable()`.

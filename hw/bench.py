@@ -15,10 +15,12 @@ latency_s = 0.38            # from endolock latency
 from __future__ import annotations
 
 import tomllib
+from math import pi
 from pathlib import Path
+from typing import Self
 
 import tomli_w
-from pydantic import BaseModel, Field, ValidationError, field_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from endolock.hw import boards, camera_file, files
 from endolock.hw.api import AXES, Calibration, ConfigError
@@ -66,7 +68,7 @@ class Bench(Section):
     """A whole bench; the defaults fit two motors that were set up by `endolock doctor`."""
 
     baud: int = 1_000_000
-    """Of the bus [1/s]."""
+    """Of the bus [1/s]; 57600 or more: at 9600 one cycle takes longer than a silence may last."""
     board: str = "rings"
     """Which printed board the camera looks at."""
     handle: Handles = Handles()
@@ -75,8 +77,8 @@ class Bench(Section):
     @field_validator("baud")
     @classmethod
     def _known_baud(cls, value: int) -> int:
-        if value not in BAUDS:
-            raise ValueError(f"baud is {value}; use {', '.join(map(str, BAUDS))}")
+        if value not in BAUDS[1:]:
+            raise ValueError(f"baud is {value}; use {', '.join(map(str, BAUDS[1:]))}")
         return value
 
     @field_validator("board")
@@ -85,6 +87,20 @@ class Bench(Section):
         if value not in boards.prints():
             raise ValueError(f"board is '{value}'; use {', '.join(boards.prints())}")
         return value
+
+    @model_validator(mode="after")
+    def _usable(self) -> Self:
+        first, second = (handle.id for handle in self.handles.values())
+        if first == second:
+            raise ValueError(f"both handles have motor {first}; give each its own id")
+        for axis, handle in self.handles.items():
+            reach = handle.ratio * max(map(abs, handle.range_rad))
+            if reach > pi:
+                raise ValueError(
+                    f"handle.{axis} may turn its motor by {reach:.2f} rad; a motor that starts "
+                    "knows its place within half a turn to either side: use a smaller range_rad"
+                )
+        return self
 
     @property
     def handles(self) -> dict[str, Handle]:
@@ -117,9 +133,6 @@ def load(path: Path | None = None) -> Bench:
         raise ConfigError(f"bench {path} is not TOML: {error}; correct the file") from None
     except ValidationError as error:
         raise ConfigError(f"bench {path}: {files.first_problem(error, _keys)}") from None
-    first, second = (handle.id for handle in bench.handles.values())
-    if first == second:
-        raise ConfigError(f"bench {path}: both handles have motor {first}; give each its own id")
     camera = bench.camera
     if camera.calibration is None:
         return bench

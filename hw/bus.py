@@ -15,7 +15,7 @@ from struct import pack
 from typing import NamedTuple
 
 from endolock.hw import registers as reg
-from endolock.hw.api import Clock, HardwareError, LinkError, LinkLost
+from endolock.hw.api import Clock, ConfigError, HardwareError, LinkError, LinkLost
 from endolock.hw.bus_log import BusLog
 from endolock.hw.packets import (
     ALERT,
@@ -32,6 +32,8 @@ from endolock.hw.registers import Register
 
 TIMEOUT_S = 0.020
 """Longest wait for the answers to one request [s]. Assumed: an adapter's 16 ms and some."""
+CYCLE_BYTES = 100
+"""Of two requests and two answers on the line."""
 TRIES = 3
 """Requests that are answered one by one are repeated so often."""
 
@@ -71,6 +73,7 @@ class Bus:
         self.port, self._clock, self._names = port, clock, names
         self._timeout_s = timeout_s
         self._log: BusLog | None = None
+        self._unlogged: ConfigError | None = None
         self._parser = Parser()
         self._ids = tuple(names)
         self._places = {device: place for place, device in enumerate(self._ids)}
@@ -92,11 +95,18 @@ class Bus:
         self._log = BusLog(path)
 
     def close(self) -> None:
-        """Close the port, and the log where there is one."""
+        """Close the port, and the log where there is one.
+
+        Raises:
+            ConfigError: the log broke off, some time before.
+        """
         self.port.close()
         if self._log:
             self._log.close()
             self._log = None
+        if self._unlogged:
+            error, self._unlogged = self._unlogged, None
+            raise error
 
     def ping(self, device: int) -> tuple[int, int]:
         """Return model number and firmware version of a motor."""
@@ -287,18 +297,26 @@ class Bus:
     def _send(self, data: bytes) -> float:
         """Send; return when [s], as in the log."""
         now = self._clock.now()
-        if self._log:
-            self._log.append(now, False, data)
         self.port.send(data)
+        self._keep(now, False, data)
         return now
 
     def _receive(self, timeout_s: float) -> tuple[bytes, float]:
         """Return what has come, and when [s], as in the log."""
         data = self.port.receive(timeout_s)
         now = self._clock.now()
-        if self._log and data:
-            self._log.append(now, True, data)
+        if data:
+            self._keep(now, True, data)
         return data, now
+
+    def _keep(self, t: float, came_in: bool, data: bytes) -> None:
+        """Log bytes; a log that cannot be written must not stop whoever stops the motors."""
+        if self._log:
+            try:
+                self._log.append(t, came_in, data)
+            except ConfigError as error:
+                self._log.close()
+                self._log, self._unlogged = None, error
 
     def _told(self, call: Callable[[], object]) -> None:
         try:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from errno import ENOSPC
 from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
@@ -59,7 +60,9 @@ class BusLog:
             ConfigError: the disk is full, or gone.
         """
         try:
-            os.write(self._fd, _HEAD.pack(t, came_in, len(data)) + data)
+            record = _HEAD.pack(t, came_in, len(data)) + data
+            if os.write(self._fd, record) < len(record):
+                raise OSError(ENOSPC, os.strerror(ENOSPC))
         except OSError as error:
             raise ConfigError(
                 f"cannot write {self._path}: {error.strerror}; make room, or give another folder "
@@ -160,7 +163,7 @@ class ReplayPort:
     def send(self, data: bytes) -> None:
         """Compare with what was sent; what was answered can be received now."""
         if self.place >= len(self._exchanges):
-            self.same, self._coming = False, []
+            self._coming = []  # the log ends here, and with it what can be compared
             return
         exchange = self._exchanges[self.place]
         self.place += 1

@@ -64,7 +64,7 @@ class Guard:
         self._expires = self._slewed_at = self._fresh_at = self._taken_at = 0.0
         self._stop: str | None = None
         self._off_since: list[float | None] = [None] * len(drive.axes)
-        self._seq = 0
+        self._seq = self._unanswered = 0
 
     @property
     def clock(self) -> Clock:
@@ -117,21 +117,20 @@ class Guard:
         now = self.clock.now()
         try:
             reading = self._drive.transfer(None)
-            if not reading.fresh:
-                raise LinkLost(
-                    "the handles do not answer, so enabling could make them jump; check cable and "
-                    "power, then enable() again",
-                    t=now,
-                )
-            self._goal = self._wanted = self._asked = self._drive.quantise(reading.position)
-            # The goal is in place before torque comes on.
-            reading = self._drive.transfer(self._goal)
-            self._drive.torque(True)
-        except LinkLost:
-            raise  # nothing was switched on, so there is nothing to latch
+            if reading.fresh:
+                self._goal = self._wanted = self._asked = self._drive.quantise(reading.position)
+                # The goal is in place before torque comes on.
+                self._drive.transfer(self._goal)
+                self._drive.torque(True)
         except HardwareError as fault:
             self._latch(fault)
             raise
+        if not reading.fresh:  # nothing was sent, so there is nothing to latch
+            raise LinkLost(
+                "the handles do not answer, so enabling could make them jump; check cable and "
+                "power, then enable() again",
+                t=now,
+            )
         self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
         self._off_since = [None] * len(self.axes)
         self._mode = Mode.HOLDING
@@ -179,10 +178,15 @@ class Guard:
         self._stop = f"stopped: {why}; see to it, then clear_fault() and enable()"
 
     def disable(self) -> None:
-        """Switch torque off."""
-        if self._mode is not Mode.DISCONNECTED:
+        """Switch torque off; see `Actuators.disable`."""
+        if self._mode is Mode.DISCONNECTED:
+            return
+        try:
             self._drive.torque(False)
-            self._mode = Mode.FAULT if self._fault else Mode.DISABLED
+        except HardwareError as fault:
+            self._latch(fault)
+            raise
+        self._mode = Mode.FAULT if self._fault else Mode.DISABLED
 
     def clear_fault(self) -> None:
         """Forget a latched fault; see `Actuators.clear_fault`."""
@@ -271,9 +275,11 @@ class Guard:
         self._mode = Mode.HOLDING
 
     def _check_age(self, reading: Reading, now: float) -> None:
+        self._unanswered = 0 if reading.fresh else self._unanswered + 1
         if reading.fresh:
             self._fresh_at = now
-        elif now - self._fresh_at > self._settings.max_age_s:
+        # One alone is no silence, however long ago the one before was.
+        elif self._unanswered > 1 and now - self._fresh_at > self._settings.max_age_s:
             who = " and ".join(reading.silent) or "the handles"
             raise LinkLost(
                 f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen; "
@@ -322,8 +328,8 @@ class Guard:
                 )
 
     def _latch(self, fault: HardwareError) -> None:
-        """Remember a fault and stop pushing: the goal becomes where the handles are, if known."""
-        self._fault = fault
+        """Remember the first fault and stop pushing: the goal becomes where the handles are."""
+        self._fault = self._fault or fault
         self._mode = Mode.FAULT
         try:
             self._goal = self._drive.hold() or self._goal

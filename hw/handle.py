@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
-
 from pydantic import Field, field_validator
 
 from endolock.hw.files import Section
@@ -22,12 +20,12 @@ class Handle(Section):
     connects."""
     ratio: float = Field(default=1.0, gt=0, le=100)
     """Turns of the motor for one of the handle [1]."""
-    range_rad: tuple[float, float] = (-pi, pi)
-    """Lowest and highest handle angle [rad]. Assumed."""
+    range_rad: tuple[float, float] = (-3.0, 3.0)
+    """Lowest and highest handle angle [rad]. Assumed: somewhat less than half a turn."""
     speed_rad_s: float = Field(default=3.49, gt=0)
     """Fastest motion of the goal [rad/s]. Assumed: 33 rpm, a small servo under load."""
-    current_limit_a: float | None = Field(default=None, gt=0)
-    """Largest motor current [A]; None: as the motor is set."""
+    current_limit_a: float | None = Field(default=None, ge=0.02, le=3.2)
+    """Largest motor current [A]; None: as the motor is set. An X series' register ends at 3.2 A."""
 
     @field_validator("direction")
     @classmethod

@@ -80,6 +80,13 @@ if sys.platform == "linux":
         rate: int = _TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size)))[7]
         return rate
 
+    def _plain(fd: int) -> None:
+        """Undo what others may have left: no flow control, one stop bit, no modem lines."""
+        told = termios.tcgetattr(fd)
+        told[2] |= termios.CLOCAL | termios.CREAD
+        told[2] &= ~(termios.CSTOPB | termios.CRTSCTS)
+        termios.tcsetattr(fd, termios.TCSANOW, told)
+
     class SerialPort:
         """A serial port of Linux, held by one program at a time.
 
@@ -116,6 +123,7 @@ if sys.platform == "linux":
                 if os.major(os.fstat(fd).st_rdev) not in _PTYS:
                     fcntl.ioctl(fd, termios.TIOCEXCL)
                 tty.setraw(fd)  # VMIN = 1, VTIME = 0
+                _plain(fd)
                 set_any_baud(fd, self._baud)
                 termios.tcflush(fd, termios.TCIOFLUSH)
             except (OSError, termios.error) as error:

@@ -10,9 +10,10 @@ from typing import Any, Self
 
 from endolock.hw import bench as benches
 from endolock.hw import boards
-from endolock.hw.api import HardwareError
+from endolock.hw.api import EndolockError
 from endolock.hw.bench import Bench
-from endolock.hw.bus import Bus
+from endolock.hw.bus import CYCLE_BYTES, TIMEOUT_S, Bus
+from endolock.hw.emulator import BITS
 from endolock.hw.guard import Guard
 from endolock.hw.port import serial_port
 from endolock.hw.servo_drive import ServoDrive
@@ -48,7 +49,8 @@ class SerialRig:
         self.bench = made = bench if isinstance(bench, Bench) else benches.load(bench)
         self.clock = WallClock()
         names = {handle.id: axis for axis, handle in made.handles.items()}
-        self.line = Bus(serial_port(port, made.baud), self.clock, names)
+        timeout_s = TIMEOUT_S + BITS * CYCLE_BYTES / made.baud
+        self.line = Bus(serial_port(port, made.baud), self.clock, names, timeout_s)
         self.drive = ServoDrive(self.line, self.clock, made.handles)
         self.actuators = Guard(self.drive)
         self.board = boards.prints()[made.board].geometry
@@ -95,7 +97,7 @@ class SerialRig:
         """Close, without hiding an exception on its way out."""
         try:
             self.close()
-        except HardwareError as second:
+        except EndolockError as second:
             if error is None:
                 raise
             error.add_note(f"and the handles could not be closed: {second}")

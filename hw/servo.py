@@ -28,6 +28,7 @@ CENTRE = 2048
 """Count of a motor whose angle is zero when it starts."""
 OVERLOAD_A, OVERLOAD_S = 1.0, 1.0
 """A current above this for so long is an overload [A], [s]. Assumed: of a stall at 2.3 A."""
+LARGEST_WORD = 32767
 _MEASURED = Struct("<hii")
 _FACTORY: tuple[tuple[Register, int], ...] = (
     (reg.MODEL, XM430_W350),
@@ -342,10 +343,11 @@ class Servo:
     def _measure(self) -> None:
         angle, speed, current = self._motor.measure()
         units, table = self._units, self._table
+        counts = round(current / units.current_a)
         _MEASURED.pack_into(
             table,
             reg.CURRENT.address,
-            round(current / units.current_a),
+            max(-LARGEST_WORD, min(counts, LARGEST_WORD)),
             round(speed / units.velocity_rad_s),
             round(angle / units.position_rad) + self._shift,
         )

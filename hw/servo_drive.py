@@ -26,6 +26,8 @@ that a command is valid, so that the guard's own hold comes first."""
 STALE_S = 0.003
 """A block whose clock is this far behind the request [s] belongs to an earlier one. Assumed: two
 ticks and some."""
+CLOSE_S = 1.0
+"""A line that is silent when it is closed is asked again for this long [s]. Assumed."""
 AHEAD_S = 0.05
 """A clock that is so far ahead [s] is that of a motor that restarted. Assumed."""
 DRIFT = 0.02
@@ -64,11 +66,13 @@ class ServoDrive:
         self.limits = self._limited()
         count = len(self._handles)
         self._blocks: list[Block | None] = [None] * count
+        self._known: list[int | None] = [None] * count  # positions by which whole turns are known
         self._offset = [inf] * count  # clock time at which the device's tick was 0
         self._heard = [0.0] * count
         self._refused = [False] * count
         self._sent: list[int] | None = None
         self._on = False
+        self._measured = (clock.now(), 0.0)  # when, and how surely
 
     def describe(self) -> dict[str, Any]:
         """Return how the motors are driven as plain values, with the zeros in force."""
@@ -120,6 +124,7 @@ class ServoDrive:
         fresh, reading = self._cycle(self._sent)
         for place, block in enumerate(self._blocks):
             if block is not None and fresh[place]:
+                self._known[place] = block.position
                 self._check(place, block)
             elif self._refused[place]:
                 self._examine(place)
@@ -136,11 +141,12 @@ class ServoDrive:
             Where they hold [rad]; None where nobody answered.
         """
         fresh, _ = self._cycle(None)
-        if not any(fresh):
+        known = [block for block in self._blocks if block is not None]
+        if not any(fresh) or len(known) < len(fresh):
             return None
         places = [
-            0 if block is None else block.position if heard else block.goal
-            for block, heard in zip(self._blocks, fresh, strict=True)
+            block.position if heard else block.goal
+            for block, heard in zip(known, fresh, strict=True)
         ]
         self._cycle(places)
         return self.angles(places)
@@ -151,30 +157,23 @@ class ServoDrive:
         Raises:
             HardwareError: a motor refused, or does not answer.
         """
-        ids = [handle.id for handle in self._handles]
         if not on:
-            self._on = False
-            failed: list[HardwareError] = []
-            for device in ids:
-                try:
-                    self._link.write(device, reg.WATCHDOG, 0)
-                    self._link.write(device, reg.TORQUE_ENABLE, 0)
-                except HardwareError as error:  # the others are still to be switched off
-                    failed.append(error)
-            if failed:
-                raise failed[0]
+            self._switch_off()
             return
         assert self._sent is not None  # a guard sends the goal first; here it is made sure of
-        for place, (device, goal) in enumerate(zip(ids, self._sent, strict=True)):
+        for place, (handle, goal) in enumerate(zip(self._handles, self._sent, strict=True)):
             self._examine(place)
-            self._link.write(device, reg.GOAL_POSITION, goal)
+            self._link.write(handle.id, reg.GOAL_POSITION, goal)
         try:
-            for device in ids:
-                self._link.write(device, reg.TORQUE_ENABLE, 1)
-            for device in ids:
-                self._link.write(device, reg.WATCHDOG, self._watchdog)
-        except HardwareError:
-            self.torque(False)
+            for handle in self._handles:
+                self._link.write(handle.id, reg.TORQUE_ENABLE, 1)
+            for handle in self._handles:
+                self._link.write(handle.id, reg.WATCHDOG, self._watchdog)
+        except HardwareError as error:
+            try:
+                self._switch_off()
+            except HardwareError as second:
+                error.add_note(f"and torque could not be switched off again: {second}")
             raise
         self._on = True
 
@@ -196,27 +195,54 @@ class ServoDrive:
         self.limits = self._limited()
 
     def close(self) -> None:
-        """Torque off, let go of the port.
+        """Torque off, let go of the port; a silent line is asked again for `CLOSE_S`.
 
         Raises:
             HardwareError: a motor could not be told; its watchdog holds it.
         """
+        end = self.clock.now() + CLOSE_S
         try:
-            self.torque(False)
+            while True:
+                try:
+                    self._switch_off()
+                    return
+                except LinkLost:
+                    if self.clock.now() >= end:
+                        raise
+                self.clock.sleep_until(self.clock.now() + 0.05)
         finally:
             self._link.close()
 
+    def _switch_off(self) -> None:
+        """Switch the torque of all motors off, and see that it is.
+
+        The watchdog goes last: while torque is on it is the last guard.
+        """
+        self._on = False
+        failed: list[HardwareError] = []
+        for handle in self._handles:
+            try:
+                self._link.write(handle.id, reg.TORQUE_ENABLE, 0)
+                self._link.write(handle.id, reg.WATCHDOG, 0)
+            except HardwareError as error:  # the others are still to be switched off
+                failed.append(error)
+        if failed:
+            raise failed[0]
+        for place, handle in enumerate(self._handles):
+            # An answer has no number: it may have been that to something older.
+            if self._link.read(handle.id, reg.TORQUE_ENABLE):
+                raise self._still_on(place)
+
     def _set_up(self) -> None:
         """Bring all motors into the state that a cycle relies on; torque off."""
-        self._on = False
-        for handle in self._handles:  # off first, all of them
-            self._link.write(handle.id, reg.WATCHDOG, 0)
-            self._link.write(handle.id, reg.TORQUE_ENABLE, 0)
+        self._switch_off()
         for axis, handle in zip(self.axes, self._handles, strict=True):
             servo_setup.prepare(self._link, self.clock, axis, handle, self._units)
-        before = list(self._blocks)
         self._offset = [inf] * len(self._handles)
         fresh, _ = self._cycle(None)
+        for place, block in enumerate(self._blocks):
+            if block is not None and fresh[place]:
+                self._keep_zero(place, block.position)
         for place, block in enumerate(self._blocks):
             if block is None or not fresh[place]:
                 raise LinkLost(
@@ -225,7 +251,6 @@ class ServoDrive:
                     t=self.clock.now(),
                     axis=self.axes[place],
                 )
-            self._keep_zero(place, block.position, before[place])
             self._check(place, block)
 
     def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
@@ -233,8 +258,9 @@ class ServoDrive:
         self._refused = [False] * len(self._handles)
         found, sent_at, done_at = self._link.cycle(goals, self._accept)
         fresh = [data is not None for data in found]
-        t, t_err = (sent_at + done_at) / 2, (done_at - sent_at) / 2
-        return fresh, self._reading(fresh, t, t_err)
+        if all(fresh):
+            self._measured = (sent_at + done_at) / 2, (done_at - sent_at) / 2
+        return fresh, self._reading(fresh, *self._measured)
 
     def _accept(self, place: int, data: bytes, sent_at: float, now: float) -> bool:
         """Judge a block; keep it if it was taken in this cycle and its motor did not restart."""
@@ -244,13 +270,14 @@ class ServoDrive:
         # What the answer took on its way, beyond the fastest one so far.
         behind = now - self._offset[place] - 1e-3 * block.tick
         behind -= _PERIOD_S * round(behind / _PERIOD_S)
-        in_time = now - behind >= sent_at - STALE_S and behind > -AHEAD_S
+        drift = DRIFT * (now - self._heard[place])
+        in_time = now - behind >= sent_at - STALE_S - drift and behind > -AHEAD_S - drift
         lost_torque = self._on and not block.torque and not block.hardware_error
         blank = not any(data)  # gathered from nowhere
         if lost_torque or blank or not in_time:
             self._refused[place] = True
             return False
-        self._offset[place] += min(DRIFT * (now - self._heard[place]), behind)
+        self._offset[place] += min(drift, behind)
         self._blocks[place], self._heard[place] = block, now
         return True
 
@@ -279,18 +306,19 @@ class ServoDrive:
     def _check(self, place: int, block: Block) -> None:
         """Raise what a block tells of its motor."""
         tripped = self._on and block.watchdog == reg.TRIPPED
-        if not block.hardware_error and not tripped:
+        if not block.hardware_error and not tripped and bool(block.torque) == self._on:
             return
         name, axis, now = self._name(place), self.axes[place], self.clock.now()
-        for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items():
-            if block.hardware_error & bit:
-                raise DeviceFault(
-                    f"handle motor {name} stopped: {what}; {first}, then clear_fault() "
-                    "and enable()",
-                    kind=kind,
-                    t=now,
-                    axis=axis,
-                )
+        known = [told for bit, told in reg.HARDWARE_ERRORS.items() if block.hardware_error & bit]
+        if block.hardware_error:
+            unknown = f"hardware error {block.hardware_error:#04x}", "see its maker's manual"
+            kind, what, first = known[0] if known else ("reset", *unknown)
+            raise DeviceFault(
+                f"handle motor {name} stopped: {what}; {first}, then clear_fault() and enable()",
+                kind=kind,
+                t=now,
+                axis=axis,
+            )
         if tripped:
             raise DeviceFault(
                 f"handle motor {name} stopped by itself: nothing was heard of us for "
@@ -301,33 +329,51 @@ class ServoDrive:
                 axis=axis,
             )
 
+        if block.torque:
+            raise self._still_on(place)
+
+    def _still_on(self, place: int) -> LinkLost:
+        return LinkLost(
+            f"handle motor {self._name(place)} has torque though it was switched off; see that no "
+            "other program drives it, then clear_fault()",
+            t=self.clock.now(),
+            axis=self.axes[place],
+        )
+
     def _examine(self, place: int) -> None:
-        """See that a motor has not restarted, which makes it forget what its block is made of."""
+        """Ask a motor whose blocks are not believed what has become of it."""
+        device = self._handles[place].id
         try:
-            first = self._link.read(self._handles[place].id, _FIRST_GATHERED)
+            # A restart makes it forget what its block is made of.
+            restarted = self._link.read(device, _FIRST_GATHERED) != reg.BLOCK_ADDRESSES[0]
+            switched_off = self._on and not self._link.read(device, reg.TORQUE_ENABLE)
         except LinkLost:
             return  # silent: its age tells
-        if first != reg.BLOCK_ADDRESSES[0]:
+        if restarted or switched_off:
+            what = "has restarted: its power was off for a moment, or somebody rebooted it"
+            if not restarted:
+                what = "was switched off by somebody else"
             raise DeviceFault(
-                f"handle motor {self._name(place)} has restarted: its power was off for a moment, "
-                "or somebody rebooted it; check plug and supply, then clear_fault() and enable()",
+                f"handle motor {self._name(place)} {what}; check plug and supply, then "
+                "clear_fault() and enable()",
                 kind="reset",
                 t=self.clock.now(),
                 axis=self.axes[place],
             )
 
-    def _keep_zero(self, place: int, position: int, before: Block | None) -> None:
+    def _keep_zero(self, place: int, position: int) -> None:
         """Know the zero where none is given, and count turns so that it is the nearest one.
 
         A motor forgets whole turns when it starts; after a restart it stands where it last did.
         """
         zero, calibrated = self._zeros[place], self._calibrated[place]
+        known = self._known[place]
+        self._known[place] = position
         if zero is None or calibrated is None:
             self._zeros[place] = self._calibrated[place] = position
-        else:
-            where = zero if before is None else before.position
-            turned = reg.TURN * round((position - where) / reg.TURN)
-            self._zeros[place], self._calibrated[place] = zero + turned, calibrated + turned
+            return
+        turned = reg.TURN * round((position - (zero if known is None else known)) / reg.TURN)
+        self._zeros[place], self._calibrated[place] = zero + turned, calibrated + turned
 
     def _limited(self) -> Limits:
         """What may be asked for, counted from the present zeros."""

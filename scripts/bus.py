@@ -39,7 +39,7 @@ class Request:
 
 
 def main(request: Request) -> int:
-    """Carry out `endolock bus`; return the exit code."""
+    """Carry out `endolock bus`; return the exit code: 2 where the replay sends something else."""
     output.check_json(request.json)
     console = Console(highlight=False)
     if request.packets and request.json != "-":
@@ -60,7 +60,7 @@ def main(request: Request) -> int:
             f"{record['positions_equal']} of {record['ticks']} ticks have the logged position",
             soft_wrap=True,
         )
-    return 0
+    return 0 if record["requests_equal"] else 2
 
 
 def perform(folder: Path) -> dict[str, Any]:
@@ -81,8 +81,8 @@ def perform(folder: Path) -> dict[str, Any]:
     ticks = recorder.read(folder, "ticks")
     told = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
     # The line says more than the ticks do: what was read while enabling, and after the last row.
-    replayed = {reading.t: reading.position for reading in readings}
-    equal = sum(replayed.get(t) == tuple(position) for t, position in told)
+    replayed = {(reading.t, reading.position) for reading in readings}
+    equal = sum((t, tuple(position)) in replayed for t, position in told)
     return {
         "exchanges": len(exchanges),
         "duration_s": records[-1].t - records[0].t if records else 0.0,
@@ -127,7 +127,7 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
 
 _ENABLING = pack("<H", reg.INDIRECT_ADDRESS.address)
 """Before torque comes on it is seen that a motor has not restarted."""
-_DISABLING = pack("<H", reg.WATCHDOG.address) + b"\x00"
+_DISABLING = pack("<H", reg.TORQUE_ENABLE.address) + b"\x00"
 
 
 def _goals(request: list[Packet], drive: ServoDrive) -> tuple[float, ...] | None:

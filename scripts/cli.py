@@ -38,9 +38,9 @@ def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
         sys.stdout.flush()  # here, where a reader that has gone is no error yet
         return code
     except HardwareError as error:
-        return _fail(str(error), 3)
+        return _fail(_told(error), 3)
     except EndolockError as error:
-        return _fail(str(error), 2)
+        return _fail(_told(error), 2)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
     except SystemExit as stop:  # --help
@@ -147,6 +147,12 @@ def _dispatch(args: list[str]) -> int:
     }
     request = parse(commands, "endolock", args)
     return mains[type(request)](request)
+
+
+def _told(error: EndolockError) -> str:
+    """Return all that an error says; what is written for programs, for people too."""
+    told = "; ".join([str(error), *getattr(error, "__notes__", ())])
+    return told.replace("then clear_fault() and enable()", "then run again")
 
 
 def _fail(message: str, code: int) -> int:

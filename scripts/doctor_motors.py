@@ -28,15 +28,16 @@ ANSWER_S = 0.1
 """So long one motor's answer may take [s]: 30 ms at 9600 baud, 16 ms in an adapter, and some."""
 MODELS = {
     **{1000: "XH430-W350", 1010: "XH430-W210", 1020: "XM430-W350", 1030: "XM430-W210"},
-    **{1040: "XH430-V350", 1050: "XH430-V210", 1060: "XL430-W250", 1070: "XC430-W150"},
-    **{1080: "XC430-W240", 1090: "2XL430-W250", 1100: "XH540-W270", 1110: "XH540-W150"},
+    **{1040: "XH430-V350", 1050: "XH430-V210"},
+    **{1100: "XH540-W270", 1110: "XH540-W150"},
     **{1120: "XM540-W270", 1130: "XM540-W150", 1140: "XH540-V270", 1150: "XH540-V150"},
-    **{1160: "2XC430-W250", 1170: "XW540-T260", 1180: "XW540-T140", 1270: "XW430-T333"},
+    **{1170: "XW540-T260", 1180: "XW540-T140", 1270: "XW430-T333"},
     **{1280: "XW430-T200", 1001: "XD430-T350", 1011: "XD430-T210", 1101: "XD540-T270"},
     **{1111: "XD540-T150"},
 }
-"""By model number: the X series of the sizes 430 and 540. That of the size 330 is left out, for its
-indirect data lie elsewhere. Source: model numbers of the e-Manual."""
+"""By model number: the X series of the sizes 430 and 540 that measure their current, which XL430
+and XC430 do not. That of the size 330 is left out, for its indirect data lie elsewhere. Source:
+e-Manual."""
 
 Tell = Callable[[str], None]
 """Is told what is under way."""

@@ -126,8 +126,12 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
                 newest = frame.seq
                 frames.append((frame.t_available, frame.seq, _turn(turning, frame, axis)))
                 taken.append(_seconds(eyes, frame))
-            goal = [0.0, 0.0]
-            goal[axis] = wanted(t - start, request.strokes)
+            if command is None:
+                goal = list(state.position)
+                began = goal[axis]
+            # From where the handle stands, not with a leap.
+            left = max(0.0, 1.0 - (t - start) / LEAD_S)
+            goal[axis] = wanted(t - start, request.strokes) + began * left
             command = Command(position=goal)
             tell(t)
     delivered, seq, rotation = (np.array(column) for column in zip(*frames, strict=True))

@@ -12,6 +12,8 @@ import timeit
 from statistics import median
 
 from endolock.control import laws, loop
+from endolock.hw.bus import CYCLE_BYTES
+from endolock.hw.emulator import BITS
 from endolock.hw.packets import crc
 from endolock.hw.wall_clock import WallClock
 from endolock.twin.hil import BAUD, HilRig
@@ -55,8 +57,7 @@ def measure() -> dict[str, float]:
 
 def _wire_s() -> float:
     """Time that the bytes of a cycle take on the wire [s]: two requests, two answers."""
-    request, answer = (7 + 1 + 4 + 2 * 5 + 2) + (7 + 1 + 4 + 2 + 2), 7 + 1 + 1 + 19 + 2
-    return 10 * (request + 2 * answer) / BAUD
+    return BITS * CYCLE_BYTES / BAUD
 
 
 def _cycle_s(rig: HilRig, count: int) -> float:

@@ -12,6 +12,20 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 
 @contextmanager
+def closing() -> Iterator[list[int]]:
+    """Let no Ctrl-C or kill get between a run and the closing of its rig; list those that came."""
+    asked: list[int] = []
+    listening = threading.current_thread() is threading.main_thread()
+    asking = (signal.SIGINT, signal.SIGTERM) if listening else ()
+    before = {number: signal.signal(number, lambda n, _: asked.append(n)) for number in asking}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
 def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
     """Show a bar on standard error; Ctrl-C, or a kill, ends the run at the next whole tick."""
     asked: list[int] = []

@@ -149,7 +149,14 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
         ConfigError: it cannot be read, or is given for another rig.
     """
     if rig.startswith(SERIAL):
-        return benches.load(file)
+        bench = benches.load(file)
+        if not all(handle.zero_counts is not None for handle in bench.handles.values()):
+            raise ConfigError(
+                f"{file or benches.USUAL} tells no zero_counts of both handles, so their ranges "
+                "would start anew with every run; straighten the endoscope, then run endolock "
+                "doctor --port PORT --set-up"
+            )
+        return bench
     if file is not None:
         raise ConfigError(f"--bench goes with --rig serial:PORT, not with {rig}")
     return None

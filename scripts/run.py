@@ -20,7 +20,7 @@ from endolock.control.process import HOLD_S, Process, image_gain
 from endolock.hw.api import ConfigError
 from endolock.hw.bench import Bench
 from endolock.scripts import output, recorder, rigs, variation
-from endolock.scripts.progress import progress
+from endolock.scripts.progress import closing, progress
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 from endolock.vision.track import Selection
@@ -149,6 +149,11 @@ def resolve(request: Request) -> Resolved:
     rigs.check(request.rig, request.vision)
     selection(request.select)
     bench = rigs.bench_of(request.rig, request.bench)
+    own = request.instrument != "pretensioned"
+    if bench and (own or any(entry.startswith("instrument.") for entry in request.vary)):
+        raise ConfigError(
+            f"a bench is what it is; --instrument and instrument.NAME do not go with {request.rig}"
+        )
     changed = overrides(request)
     if bench:  # what the bench's camera is like is no choice of the scenario
         changed.setdefault("camera.latency_s", bench.camera.latency_s)
@@ -225,7 +230,9 @@ def perform(
         select=selection(request.select),
         bench=bench,
     )
-    with rig:
+    with closing() as asked, rig:
+        if asked:
+            raise KeyboardInterrupt
         controller = laws.make(request.controller, rig.camera.calibration, settings, rig.truth)
         law = Path(request.controller).stem
         name = f"{scenario.name}-{law}"

@@ -91,13 +91,18 @@ class FarEnd:
         self.rig.clock.sleep_until(0.0)  # the first picture, and whether there is OpenGL
         now = self.rig.clock.now
         bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
-        self.line = PtyLine(setup.link)
+        self.stream = None if setup.video is None else PictureStream(setup.video)
+        try:
+            self.line = PtyLine(setup.link)
+        except BaseException:
+            if self.stream:
+                self.stream.close()
+            raise
         self.emulator = Emulator(bus, self.line, paced=setup.paced)
         self._plugs = [f for f in setup.faults if f.kind == "unplug"]
         for servo in self.rig.servos:
             servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))
             servo.reboot_s = RESTART_S if setup.wall else 0.0
-        self.stream = None if setup.video is None else PictureStream(setup.video)
         self._shown = -1
         self.wall = wall = WallClock() if setup.wall else None
         if wall is not None:
@@ -180,8 +185,10 @@ class FarEnd:
     def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
         try:
             return "done", getattr(self, f"on_{name}")(*args)
-        except (ConfigError, LookupError) as error:
-            return type(error).__name__, str(error)
+        except (ConfigError, ValueError) as error:
+            return "ConfigError", str(error)
+        except LookupError as error:
+            return "LookupError", str(error)
 
     def on_sleep(self, t: float) -> float:
         """Go on to a time [s]."""

@@ -20,6 +20,7 @@ from endolock.hw.api import (
     Calibration,
     Clock,
     ConfigError,
+    EndolockError,
     Frame,
     HardwareError,
     Pose,
@@ -139,7 +140,11 @@ class HilRig:
 
     def __enter__(self) -> Self:
         """Connect the handles."""
-        self.actuators.connect()
+        try:
+            self.actuators.connect()
+        except BaseException:
+            self._far.close()
+            raise
         return self
 
     def __exit__(
@@ -151,7 +156,7 @@ class HilRig:
         """Close, without hiding an exception on its way out."""
         try:
             self.close()
-        except HardwareError as second:
+        except EndolockError as second:
             if error is None:
                 raise
             error.add_note(f"and the handles could not be closed: {second}")

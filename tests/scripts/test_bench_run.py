@@ -129,7 +129,11 @@ def emulator(tmp_path: Path) -> Iterator[Path]:
     try:
         _wait(lambda: "Ctrl-C ends" in said.read_text(), process)
         address = said.read_text().split("camera at ")[1].split(";")[0]
-        (tmp_path / "bench.toml").write_text(f'[camera]\nsource = "{address}"\n')
+        (tmp_path / "bench.toml").write_text(
+            f'[camera]\nsource = "{address}"\n'
+            "[handle.up_down]\nid = 1\nzero_counts = 2048\n"
+            "[handle.left_right]\nid = 2\nzero_counts = 2048\n"
+        )
         yield link
     finally:
         process.terminate()
