@@ -250,3 +250,43 @@ def test_pi_brings_the_target_to_the_centre() -> None:
     assert error_deg[0] == pytest.approx(14.0, abs=0.1)  # atan(30 mm / 120 mm)
     # It closes with about 1 / ki = 4 s; a tenth leaves room for friction and the shape of the bend.
     assert max(error_deg[-100:]) < 1.4
+
+
+def test_without_pictures_the_handles_hold_and_the_lock_is_lost() -> None:
+    """A video chain that dies must not leave a law pushing at what it saw last."""
+    last: list[Frame] = []
+    with TwinRig("rest", pictures=False) as rig:
+        honest = rig.camera.latest
+
+        def dies() -> Frame | None:
+            frame = honest()
+            if frame is not None and not 1.0 < frame.t_available < 5.0:
+                last.append(frame)
+            return last[-1] if last else None
+
+        rig.camera.latest = dies  # type: ignore[method-assign]  # the chain is on trial
+        law = Winding()
+        result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=6.0)
+    dead = [t for t in result.ticks if 1.0 + loop.BLIND_S + 0.05 < t.t < 5.0]
+    assert {t.status for t in dead} == {Status.LOST}
+    assert {t.state.mode for t in dead} == {Mode.HOLDING}
+    assert len({t.state.target for t in dead}) == 1
+    assert result.ticks[-1].status is Status.TRACKING
+    assert law.resets == 2  # when it began, and when pictures came again
+
+
+class Winding:
+    """A law that turns a handle on and on, seeing or not."""
+
+    def __init__(self) -> None:
+        self.resets, self.goal = 0, 0.0
+
+    def reset(self, state: State) -> None:
+        """Start where the handle is."""
+        self.resets += 1
+        self.goal = state.position[0]
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Go on."""
+        self.goal += 0.005
+        return Command(position=(self.goal, 0.0))
