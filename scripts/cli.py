@@ -152,7 +152,8 @@ def _dispatch(args: list[str]) -> int:
 def _told(error: EndolockError) -> str:
     """Return all that an error says; what is written for programs, for people too."""
     told = "; ".join([str(error), *getattr(error, "__notes__", ())])
-    return told.replace("then clear_fault() and enable()", "then run again")
+    told = told.replace("then clear_fault() and enable()", "then run again")
+    return told.replace("call clear_fault() first", "switch its supply off and on first")
 
 
 def _fail(message: str, code: int) -> int:

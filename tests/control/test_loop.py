@@ -288,5 +288,5 @@ class Winding:
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Go on."""
-        self.goal += 0.005
+        self.goal += 0.0005
         return Command(position=(self.goal, 0.0))
