@@ -328,7 +328,6 @@ class ServoDrive:
                 t=now,
                 axis=axis,
             )
-
         if block.torque:
             raise self._still_on(place)
 
