@@ -376,12 +376,8 @@ class ServoDrive:
 
     def _limited(self) -> Limits:
         """What may be asked for, counted from the present zeros."""
-        moved = [
-            0.0 if zero is None or calibrated is None else (zero - calibrated) * step
-            for zero, calibrated, step in zip(
-                self._zeros, self._calibrated, self._step, strict=True
-            )
-        ]
+        counted = zip(self._zeros, self._calibrated, self._step, strict=True)
+        moved = [((zero or 0) - (calibrated or 0)) * step for zero, calibrated, step in counted]
         rows = list(zip(self._handles, moved, strict=True))
         return Limits(
             position_rad=tuple((h.range_rad[0] - m, h.range_rad[1] - m) for h, m in rows),
