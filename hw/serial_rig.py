@@ -5,23 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from endolock.hw import bench as benches
 from endolock.hw import boards
-from endolock.hw.api import EndolockError
 from endolock.hw.bench import Bench
 from endolock.hw.bus import CYCLE_BYTES, TIMEOUT_S, Bus
 from endolock.hw.emulator import BITS
 from endolock.hw.guard import Guard
+from endolock.hw.leaving import Leaving
 from endolock.hw.port import serial_port
 from endolock.hw.servo_drive import ServoDrive
 from endolock.hw.video import VideoCamera
 from endolock.hw.wall_clock import WallClock
 
 
-class SerialRig:
+class SerialRig(Leaving):
     """A bench; it takes the place of a `TwinRig`, and knows no truth.
 
     Laboratory software, not a medical device; see docs/safety.md.
@@ -78,26 +77,3 @@ class SerialRig:
         finally:
             self.line.close()
             self.camera.close()
-
-    def __enter__(self) -> Self:
-        """Connect the handles."""
-        try:
-            self.actuators.connect()
-        except BaseException:
-            self.camera.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close, without hiding an exception on its way out."""
-        try:
-            self.close()
-        except EndolockError as second:
-            if error is None:
-                raise
-            error.add_note(f"and the handles could not be closed: {second}")

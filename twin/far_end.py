@@ -219,12 +219,6 @@ class FarEnd:
         self.rig.aim(pixel)
         return self.rig.board
 
-    def on_strike(self, kind: str, motor: int) -> None:
-        """Let something happen to a motor."""
-        bus = self.emulator.bus
-        assert isinstance(bus, FaultyBus)
-        bus.strike(kind, motor)
-
 
 def _news(camera: TwinCamera, newest: int) -> Frame | None:
     frame = camera.latest()

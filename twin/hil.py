@@ -13,14 +13,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from endolock.hw.api import (
     Calibration,
     Clock,
     ConfigError,
-    EndolockError,
     Frame,
     HardwareError,
     Pose,
@@ -28,6 +26,7 @@ from endolock.hw.api import (
 )
 from endolock.hw.bus import TIMEOUT_S, Bus
 from endolock.hw.guard import Guard
+from endolock.hw.leaving import Leaving
 from endolock.hw.port import serial_port
 from endolock.hw.servo_drive import ServoDrive
 from endolock.hw.wall_clock import WallClock
@@ -46,7 +45,7 @@ FAREWELL_S = 10.0
 """The far end gets so long to end [s]."""
 
 
-class HilRig:
+class HilRig(Leaving):
     """A twin behind a serial line; see `TwinRig`.
 
     Args:
@@ -126,10 +125,6 @@ class HilRig:
         """Make the point of the board that is seen at a pixel now the target."""
         self.board = self._far.call("aim", pixel)
 
-    def strike(self, kind: str, motor: int) -> None:
-        """Let something happen to a motor now: reset, or a hardware error by name."""
-        self._far.call("strike", kind, motor)
-
     def close(self) -> None:
         """Switch the handles off and end the far end; may be called twice."""
         try:
@@ -137,29 +132,6 @@ class HilRig:
         finally:
             self.line.close()
             self._far.close()
-
-    def __enter__(self) -> Self:
-        """Connect the handles."""
-        try:
-            self.actuators.connect()
-        except BaseException:
-            self._far.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close, without hiding an exception on its way out."""
-        try:
-            self.close()
-        except EndolockError as second:
-            if error is None:
-                raise
-            error.add_note(f"and the handles could not be closed: {second}")
 
 
 class _Far:
