@@ -15,6 +15,7 @@ from math import pi
 
 import numpy as np
 
+from endolock.control.kinematics import Pair
 from endolock.control.process import BEND_PER_HANDLE
 from endolock.hw.api import ConfigError, Vector
 
@@ -35,6 +36,10 @@ class Plays:
                 f"plays of radii {self.radii} and weights {self.weights}: give as many of each, "
                 "0 or more, not all weights 0"
             )
+
+    def at_rest(self) -> PlaysOfBothAxes:
+        """Return both axes, alike and independent, with every play centred."""
+        return PlaysOfBothAxes(self)
 
 
 ONE_PLAY = Plays(radii=(pi / 10,), weights=(BEND_PER_HANDLE,))
@@ -100,6 +105,22 @@ class Hysteresis:
         """Middle of the handle angles that change nothing [rad]."""
         pairs = list(zip(self.places, self.plays.radii, strict=True))
         return (max(z - r for z, r in pairs) + min(z + r for z, r in pairs)) / 2
+
+
+class PlaysOfBothAxes:
+    """Both axes of a section, each behind plays of its own.
+
+    Args:
+        plays: parameters of each.
+    """
+
+    def __init__(self, plays: Plays) -> None:
+        self._axes = Hysteresis(plays), Hysteresis(plays)
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        up_down, left_right = self._axes
+        return up_down.follow(handles[0]), left_right.follow(handles[1])
 
 
 def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[Plays, float]:

@@ -9,7 +9,8 @@ not stated; taken as a share of 180 deg), and its form is not in the excerpt. Fo
     ramp    as sign, but it takes `ramp_s` from one side to the other, and stays where v rests
     smooth  tanh(speed of v / `smooth_rad_s`)
 
-A width that is too large, or a switch that is too early, can be set: the thesis reports both.
+The thesis switches compensation off at rest, once too early (fig. 6.8). Without that a compensation
+wider than the loop rings on an axis whose target rests, as soon as noise has set it off.
 
 Reference:
     G. Tao and P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor
@@ -30,8 +31,6 @@ from endolock.vision.observation import Observation
 
 SPEED_S = 0.08
 """Time constant of the speed of v [s]: two frames; without it each frame is a step. Assumed."""
-STILL_RAD_S = 1e-4
-"""Slower is no direction [rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +42,10 @@ class CompensationSettings:
     width: float = 0.2
     """Full loop width w at the handle, as a share of 180 deg [1], >= 0. Source: 0.2, thesis
     ch. 6; unit assumed."""
-    switch_off_rad_s: float = 0.0
-    """sign: slower than this there is no compensation [rad/s], >= 0. Assumed."""
+    switch_off_rad_s: float = 0.02
+    """sign, ramp: a slower v rests [rad/s], >= 0. That there is a switch-off: thesis, fig. 6.8.
+    Its size: of 0.005, 0.01, 0.02 and 0.05 the smallest with which an axis whose target rests does
+    not ring at 1 px of noise, ten times that of markers (scripts/thesis_calibration.py)."""
     reversal_rad: float = 0.01
     """play: half-width of the play that finds the direction [rad], > 0. Assumed."""
     ramp_s: float = 0.4
@@ -91,11 +92,12 @@ def follow(
         share = dt / (SPEED_S + dt)
         direction.speed += share * ((now - before) / dt - direction.speed)
     speed, reach = direction.speed, settings.reversal_rad
-    sign = float((speed > STILL_RAD_S) - (speed < -STILL_RAD_S))
+    rest = settings.switch_off_rad_s
+    sign = float((speed > rest) - (speed < -rest))
     direction.behind = min(max(direction.behind, now - reach), now + reach)
     match settings.form:
         case "sign":
-            direction.side = sign if abs(speed) > settings.switch_off_rad_s else 0.0
+            direction.side = sign
         case "play":
             direction.side = (now - direction.behind) / reach
         case "ramp":

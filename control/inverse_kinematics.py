@@ -8,6 +8,7 @@ law an integrator around the latency; so it follows its aim with a finite rate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 from endolock.control import kinematics, process
 from endolock.control.kinematics import Pair, SectionGeometry
@@ -27,10 +28,14 @@ class IKSettings:
     the default instrument."""
     rate_per_s: float = 1.8
     """Share of the remaining way that the handles go per second [1/s], > 0. Assumed: pi/4 over
-    0.44 s, the gain margin of 2 of an integrator with the dead time of video, tick and servo."""
+    0.44 s, the gain margin of 2 of an integrator with the dead time of video, tick and servo. Runs
+    that stand beside the thesis' take a rate calibrated for them (scripts/thesis.py)."""
+    measured_distance: bool = False
+    """Whether a depth that is seen replaces the assumed one. Source: not, thesis ch. 6."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        for name in ("target_distance_m", "bend_per_handle", "rate_per_s"):
+            value = getattr(self, name)
             if not 0 < value < float("inf"):
                 raise ConfigError(f"ik: {name} is {value:g}; use a finite number above 0")
 
@@ -92,12 +97,14 @@ class InverseKinematics:
             return
         self.memory.aim = self.memory.handles
         if observation.status is Status.TRACKING:
+            settings = self._settings
             ray = camera_model.ray(self._calibration, observation.target_px)
+            seen = settings.measured_distance and isfinite(observation.distance_m)
             self.memory.aim = aimed(
                 self._geometry,
-                self._settings.bend_per_handle,
+                settings.bend_per_handle,
                 (state.position[0], state.position[1]),
-                self._settings.target_distance_m * ray,
+                (observation.distance_m if seen else settings.target_distance_m) * ray,
             )
 
     def _share(self, dt: float) -> float:

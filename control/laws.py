@@ -21,6 +21,7 @@ from endolock.control.plug_in import PlugIn
 from endolock.control.predictive import Predictive, PredictiveSettings, SinglePredictiveSettings
 from endolock.control.repetitive import Repetitive, RepetitiveSettings
 from endolock.control.smith import Smith, SmithSettings
+from endolock.control.still import Still, StillSettings
 from endolock.hw.api import Calibration, ConfigError, Truth
 
 
@@ -45,6 +46,7 @@ LAWS: dict[str, Law] = {
     "predictive_bank": Law(Predictive, PredictiveSettings),
     "repetitive": Law(Repetitive, RepetitiveSettings),
     "smith": Law(Smith, SmithSettings),
+    "still": Law(Still, StillSettings),
 }
 """Adding one here is all it takes."""
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from endolock.control.loop import Run, Seen, Tick
-from endolock.hw.api import Calibration, Vector
+from endolock.hw.api import Calibration, TruthSample, Vector
 from endolock.vision import camera_model
 from endolock.vision.observation import Status
 
@@ -61,11 +61,12 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
         "detected_fraction": _share([s.observation.status is Status.TRACKING for s in run.seen]),
         "lost_fraction": _share([tick.status is Status.LOST for tick in run.ticks]),
         "time_to_lock_s": _time_to_lock(run.ticks, calibration),
-        "error_px": None if on_a_bench else _summary(error),
+        "error_px": None if on_a_bench else summary(error),
         "error_deg": None if on_a_bench else _extent(degrees),
-        "delayed_error_px": _summary(np.array(delayed)),
+        "delayed_error_px": summary(np.array(delayed)),
         "vision_error_px": _vision_error(accepted, on_a_bench),
         "handle": _handle(ticks),
+        "tip": None if on_a_bench else _tip(known),
         "blur_px": _blur(ticks),
     }
 
@@ -75,7 +76,12 @@ def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
     return min(float(np.hypot(right, down)), BEHIND_PX) if isfinite(right) else BEHIND_PX
 
 
-def _summary(error: Vector) -> dict[str, float | None]:
+def summary(error: Vector) -> dict[str, float | None]:
+    """Sum errors up: rms, 95th percentile, largest, mean [px], and shares within 20 and 50 px.
+
+    Args:
+        error: distances from the image centre, n [px]; every figure is None for n = 0.
+    """
     if not error.size:
         return dict.fromkeys(("rms", "p95", "max", "mean", "within_20", "within_50"))
     return {
@@ -117,10 +123,10 @@ def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | No
     return None
 
 
-def _handle(ticks: Sequence[Tick]) -> dict[str, float | None]:
-    """Motion of both handles together, from the measured positions and speeds."""
+def _handle(ticks: Sequence[Tick]) -> dict[str, Any]:
+    """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""
     if len(ticks) < 4 or ticks[-1].state.t <= ticks[0].state.t:
-        names = ("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s")
+        names = ("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg")
         return dict.fromkeys(names)
     t = np.array([tick.state.t for tick in ticks])
     position = np.array([tick.state.position for tick in ticks])
@@ -135,6 +141,18 @@ def _handle(ticks: Sequence[Tick]) -> dict[str, float | None]:
         "jerk_rms": _rms(np.linalg.norm(jerk, axis=1)),
         "travel_rad": float(np.abs(np.diff(position, axis=0)).sum()),
         "reversals_per_s": reversals / float(t[-1] - t[0]),
+        "p2p_deg": np.degrees(np.ptp(position, axis=0)).tolist(),
+    }
+
+
+def _tip(known: Sequence[TruthSample]) -> dict[str, list[float] | None]:
+    """True motion of the tip on each axis [deg]: peak to peak, and all of its way."""
+    if not known:
+        return {"p2p_deg": None, "travel_deg": None}
+    bend = np.degrees([truth.plant.bend_rad for truth in known])
+    return {
+        "p2p_deg": np.ptp(bend, axis=0).tolist(),
+        "travel_deg": np.abs(np.diff(bend, axis=0)).sum(axis=0).tolist(),
     }
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from endolock.control.kinematics import Pair
 from endolock.control.online_hysteresis import splines
-from endolock.control.quasi_static import Axis, Cable, Geometry, thin
+from endolock.control.quasi_static import Axis, BothAxes, Cable, Geometry, thin
 from endolock.hw.api import Vector
 
 START = (0.5, 0.15, log(8e4), -2e-3, 0.0, 0.0)
@@ -74,9 +74,8 @@ class Track:
         if not course:
             return
         one, other = made(self.values, self.states)
-        for a, b in course:
-            bend = one.follow(a, b, other.bend_rad)
-            self.bends.append((bend, other.follow(b, a, bend)))
+        both = BothAxes(one, other)
+        self.bends += [both.follow(handles) for handles in course]
         self.states = one.state, other.state
 
 

@@ -5,6 +5,12 @@ With e = (-(v - cy), u - cx) / f, the target's offset above and right of the cen
     handle = kp e + I,    I' = ki e,
 
 on both axes alike. The error is held between frames; while the target is not seen, it is nothing.
+I starts at the handle angle, where the tip is when the lock is switched on. The gains hold for one
+distance only: a handle moves the picture of a close target more.
+
+Reference:
+    S. D. Frijnts, Design of a target lock for an endoscope using TeleFLEX, University of Twente,
+    2015, section 4.2, p. 31 (start of the integrator, one distance).
 """
 
 from __future__ import annotations
@@ -21,11 +27,11 @@ from endolock.vision.observation import Observation, Status
 class PISettings:
     """Gains of the PI law."""
 
-    kp: float = 0.30
-    """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, so that the stroke peaks and
-    what compensation gains come near the thesis' (ch. 6; docs/control.md); its gains are not in
-    the excerpt."""
-    ki: float = 0.25
+    kp: float = 0.1
+    """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, on the thesis' stroke peaks
+    and what compensation gains, for 12 cm, among gains with which the tip follows and that leave
+    a gain margin of 1.5 (scripts/thesis_calibration.py); its own gains are not in the excerpt."""
+    ki: float = 1.8
     """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""
 
     def __post_init__(self) -> None:

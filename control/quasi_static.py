@@ -25,6 +25,7 @@ from math import cos, exp, hypot, pi, sin
 import numpy as np
 
 from endolock.control.cable import compliances as _springs
+from endolock.control.kinematics import Pair
 from endolock.hw.api import ConfigError, Vector
 
 TOLERANCE_RAD = 1e-9
@@ -222,6 +223,39 @@ class Axis:
         """What the other axis' bend adds to its own wires by side, and to all wires."""
         middle, side, _, _ = self._lengths(other_bend)
         return side, middle - self._geometry.bending_length_m - self._cable.slack_m
+
+
+class BothAxes:
+    """Both axes of a section; each one's bend adds friction to the other's wires, and helps it.
+
+    Args:
+        up_down: one axis.
+        left_right: the other one.
+    """
+
+    def __init__(self, up_down: Axis, left_right: Axis) -> None:
+        self._axes = up_down, left_right
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        up_down, left_right = self._axes
+        bend = up_down.follow(handles[0], handles[1], left_right.bend_rad)
+        return bend, left_right.follow(handles[1], handles[0], bend)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transmission:
+    """What lies between both handles and the section, the same on both axes."""
+
+    cable: Cable
+    """The wires in their conduits."""
+    geometry: Geometry
+    """The section and its pulleys."""
+
+    def at_rest(self) -> BothAxes:
+        """Return both axes as they are before the handles turn."""
+        up_down, left_right = (Axis(self.cable, self.geometry) for _ in range(2))
+        return BothAxes(up_down, left_right)
 
 
 def thin(handle: Vector, step_rad: float) -> list[int]:

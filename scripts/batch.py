@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from endolock.hw.api import ConfigError, Vector
 from endolock.scripts import recorder, run
 
 WORKERS = 2
+Made = TypeVar("Made")
 
 
 class Done(NamedTuple):
@@ -49,8 +51,23 @@ def perform(requests: Sequence[run.Request]) -> list[Done | None]:
     Returns:
         The runs, None where a law cannot be used on a task.
     """
+    return each(requests, _course)
+
+
+def each(
+    requests: Sequence[run.Request], read: Callable[[dict[str, Any], Path], Made]
+) -> list[Made | None]:
+    """Carry out runs, and keep of each what a function reads from its record and run folder.
+
+    Args:
+        requests: what to run; their folders are not kept.
+        read: called in another process, so it must be importable.
+
+    Returns:
+        What was read, None where a law cannot be used on a task.
+    """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return pool.map(_one, requests, chunksize=1)
+        return pool.map(partial(_one, read=read), requests, chunksize=1)
 
 
 def all_of(requests: Sequence[run.Request]) -> list[Done]:
@@ -60,15 +77,19 @@ def all_of(requests: Sequence[run.Request]) -> list[Done]:
     return done
 
 
-def _one(request: run.Request) -> Done | None:
+def _one(request: run.Request, read: Callable[[dict[str, Any], Path], Made]) -> Made | None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "run"
         try:
             record, _ = run.perform(replace(request, out=folder), show_progress=False)
         except ConfigError:  # such as repetitive, where nothing repeats
             return None
-        ticks = recorder.read(folder, "ticks")
-        centre = recorder.configuration(folder)["calibration"]["centre_px"]
-        columns = (ticks[name].to_pylist() for name in ("target_px", "position_rad"))
-        target, handle = (np.array(column, float) for column in columns)
-        return Done(record, np.array(ticks["t"]), target - centre, handle)
+        return read(record, folder)
+
+
+def _course(record: dict[str, Any], folder: Path) -> Done:
+    ticks = recorder.read(folder, "ticks")
+    centre = recorder.configuration(folder)["calibration"]["centre_px"]
+    columns = (ticks[name].to_pylist() for name in ("target_px", "position_rad"))
+    target, handle = (np.array(column, float) for column in columns)
+    return Done(record, np.array(ticks["t"]), target - centre, handle)

@@ -227,7 +227,7 @@ def work_dissipated() -> float:
 def surrogate() -> float:
     """Drive twin and surrogate alike; how far their bends are apart, rms of both axes [deg]."""
     plays = rigs.plays_of(Instrument(), 180.0)
-    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", plays=plays))
+    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", transmission=plays))
     random = np.random.default_rng(0)
     t = np.arange(0.0, 40.0, 0.02)
     goals = np.zeros((len(t), 2))

@@ -174,7 +174,7 @@ def surrogate() -> dict[str, float]:
     plays = rigs.plays_of(Instrument(), 180.0)
 
     def driven() -> None:
-        with SurrogateRig("straight", plays=plays) as rig:
+        with SurrogateRig("straight", transmission=plays) as rig:
             rig.actuators.enable()
             for n in range(round(RUN_S / 0.020)):
                 rig.clock.sleep_until(0.020 * n)
@@ -182,7 +182,7 @@ def surrogate() -> dict[str, float]:
                 rig.camera.latest()
 
     def locked() -> None:
-        with SurrogateRig("straight", plays=plays) as rig:
+        with SurrogateRig("straight", transmission=plays) as rig:
             law = laws.make("pi", rig.camera.calibration)
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=RUN_S)
 

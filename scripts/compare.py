@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ from endolock.hw.api import ConfigError
 from endolock.scripts import output, recorder, rigs, run, theory, variation
 from endolock.vision.observation import Status
 
+CONSTANT = "constant: the best that a handle which never moves could do, known in hindsight"
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
 
@@ -40,14 +41,15 @@ class Request:
     """Draw figures 6.4 to 6.8 of the thesis again, and check what its excerpt states; of the
     options, only vision, json and out count."""
     rig: str = "twin"
-    """What to drive: twin, hil, hil:wall, serial:PORT, surrogate or play, as for run."""
+    """What to drive: twin, hil, hil:wall, serial:PORT, surrogate, play or quasi_static, as for
+    run."""
     bench: tyro.conf.DisallowNone[Path | None] = None
     """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers; truth: no
     pictures, exact projections, faster."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     duration_s: tyro.conf.DisallowNone[float | None] = None
     """How long each run is [s]; else the scenario's."""
     scored_from_s: tyro.conf.DisallowNone[float | None] = None
@@ -67,7 +69,7 @@ def main(request: Request) -> int:
     if request.thesis:
         return _thesis(request, place, console)
     records, folders = perform(request, place)
-    with console.status("working out margins and floors"):
+    with console.status("working out margins, floors and the best constant handles"):
         planned = plan(request, None)
         told = [theory.of(one) for one in planned[: len(records)]]
         records = [{**record, **more} for record, more in zip(records, told, strict=True)]
@@ -75,8 +77,8 @@ def main(request: Request) -> int:
         figure = draw(records, folders, place / "errors.png")
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
-        console.print(run.table(records))
-        for line in (*_margins(records), *_floors(records)):
+        console.print(run.table(list(with_constants(records))))
+        for line in (CONSTANT, *_needs(records), *_margins(records), *_floors(records)):
             console.print(line, soft_wrap=True, highlight=False)
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
     return 130 if records[-1]["interrupted"] else 0
@@ -114,6 +116,14 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
+def _needs(records: Sequence[dict[str, Any]]) -> list[str]:
+    told = {r["scenario"]: r["needed_tip_deg"] for r in records if r["needed_tip_deg"]}
+    return [
+        f"{scenario}: the path needs {up_down:.0f} deg of tip up_down, {left_right:.0f} left_right"
+        for scenario, (up_down, left_right) in told.items()
+    ]
+
+
 def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
     told: dict[tuple[Any, ...], Any] = {}
     for r in records:
@@ -123,6 +133,24 @@ def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
         for (scenario, latency), floor in told.items()
         if floor is not None
     ]
+
+
+def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Add rows for the best constant handle below the laws of each scenario, for tables.
+
+    Args:
+        records: run records with what `theory.of` tells, one scenario after another.
+    """
+    unknown = ("delayed_error_px", "detected_fraction", "lost_fraction", "real_time_factor")
+    nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
+    for _, block in groupby(records, key=lambda record: record["scenario"]):
+        told: list[Any] = [None]  # as of a bench, whose path nobody knows
+        yield from (rows := list(block))
+        for record in rows:
+            if (constant := record["constant_px"]) not in told:
+                told.append(constant)
+                row = {"controller": "constant", "latency_s": None, "error_px": constant}
+                yield record | dict.fromkeys(unknown) | nothing | row
 
 
 def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[Path]]:

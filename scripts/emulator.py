@@ -42,7 +42,7 @@ class Request:
     scenario: str = "rest"
     """With video: how the board in front of the camera moves, as for run."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     seed: int = 0
     """Of what goes wrong by chance."""
 

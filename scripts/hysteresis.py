@@ -45,7 +45,7 @@ class Request:
     shaft_deg: float = 180.0
     """Bend of the shaft [deg]."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     numerics: Literal["default", "fast", "fidelity"] = "default"
     """How finely it is simulated."""
     rig: str = "twin"

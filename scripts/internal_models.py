@@ -23,7 +23,7 @@ from endolock.control.identification import Log
 from endolock.control.internal_model import RADII
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import image_gain
-from endolock.control.quasi_static import Axis, Cable, Geometry
+from endolock.control.quasi_static import Cable, Geometry, Transmission
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli, output, recorder, run
 from endolock.scripts.checks import cable_of
@@ -117,13 +117,8 @@ def _fitted_cable(log: Log) -> Cable:
 
 
 def _capstan(log: Log, cable: Cable) -> Vector:
-    up_down, left_right = Axis(cable, Geometry()), Axis(cable, Geometry())
-    bends = []
-    for one, other in log.handle.tolist():
-        up_down.follow(one, other, left_right.bend_rad)
-        left_right.follow(other, one, up_down.bend_rad)
-        bends.append((up_down.bend_rad, left_right.bend_rad))
-    return np.array(bends)
+    axes = Transmission(cable=cable, geometry=Geometry()).at_rest()
+    return np.array([axes.follow((one, other)) for one, other in log.handle.tolist()])
 
 
 def main(_args: list[str]) -> int:

@@ -46,7 +46,7 @@ class Request:
     axis: str = "left_right"
     """Which handle turns: up_down or left_right."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     latency_s: tyro.conf.DisallowNone[float | None] = None
     """Latency of the twin's video [s], which the measurement is not told; else the scenario's."""
     jitter_s: tyro.conf.DisallowNone[float | None] = None

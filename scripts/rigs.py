@@ -23,13 +23,15 @@ from endolock.twin.instrument import NUMERICS, Instrument
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.scenario import Scenario
-from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.surrogate import SurrogateRig, Transmission
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Eyes
 from endolock.vision.track import Selection, TrackEyes
 from endolock.vision.truth import TruthEyes
 
-RIGS = ("twin", "hil", "hil:wall", "surrogate", "play")
+TRANSMISSIONS = ("surrogate", "play", "quasi_static")
+"""Kinds of transmission behind a `SurrogateRig`, which takes no pictures."""
+RIGS = ("twin", "hil", "hil:wall", *TRANSMISSIONS)
 """And serial:PORT."""
 SERIAL = "serial:"
 VISIONS = ("markers", "track", "truth")
@@ -74,8 +76,8 @@ def make(
         real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
         return real, _picture_eyes(real, vision, select)
     if not rig.startswith(("twin", "hil")):
-        plays = plays_behind(rig, instrument, scenario.shaft_bend_deg)
-        model = SurrogateRig(scenario, plays=plays, instrument=instrument, seed=seed)
+        made = transmission(rig, instrument, scenario.shaft_bend_deg)
+        model = SurrogateRig(scenario, transmission=made, instrument=instrument, seed=seed)
         model.clock.sleep_until(0.0)
         return model, exact_eyes(model, scenario, seed)
     options: dict[str, Any] = {
@@ -132,7 +134,7 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
             raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
-    if rig in ("surrogate", "play") and vision != "truth":
+    if rig in TRANSMISSIONS and vision != "truth":
         raise ConfigError(f"rig {rig} takes no pictures for {vision}; use --vision truth")
     if serial and vision == "truth":
         raise ConfigError(f"rig {rig} knows no truth; use --vision markers or track")
@@ -162,6 +164,35 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
     return None
 
 
+def transmission(rig: str, instrument: Instrument, shaft_deg: float) -> Transmission:
+    """Return what lies between handles and bends of a rig without pictures.
+
+    Args:
+        rig: one of `TRANSMISSIONS`.
+        instrument: what the endoscope is made of; one play of constant width needs none.
+        shaft_deg: bend of its shaft [deg].
+    """
+    if rig == "quasi_static":
+        return wires_of(instrument, shaft_deg)
+    return plays_behind(rig, instrument, shaft_deg)
+
+
+def wires_of(instrument: Instrument, shaft_deg: float) -> quasi_static.Transmission:
+    """Return the wires of an instrument as the quasi-static solver takes them.
+
+    Args:
+        instrument: what the endoscope is made of.
+        shaft_deg: bend of its shaft [deg].
+    """
+    geometry = Geometry(
+        bending_length_m=instrument.bending_length_m,
+        wire_radius_m=instrument.wire_radius_m,
+        pulley_radius_m=instrument.pulley_radius_m,
+    )
+    cable = cable_of(instrument, radians(shaft_deg))
+    return quasi_static.Transmission(cable=cable, geometry=geometry)
+
+
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
     """Return the hysteresis model that comes nearest to a rig: on a surrogate, its very own."""
     return ONE_PLAY if rig == "play" else plays_of(instrument, shaft_deg)
@@ -178,13 +209,8 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
     """
     handle = exercise()
     still = np.zeros(len(handle))
-    cable = cable_of(instrument, radians(shaft_deg))
-    geometry = Geometry(
-        bending_length_m=instrument.bending_length_m,
-        wire_radius_m=instrument.wire_radius_m,
-        pulley_radius_m=instrument.pulley_radius_m,
-    )
-    bend, _ = quasi_static.simulate(cable, geometry, handle, still, still)
+    wires = wires_of(instrument, shaft_deg)
+    bend, _ = quasi_static.simulate(wires.cable, wires.geometry, handle, still, still)
     return hysteresis.fit(handle, bend, radii)[0]
 
 

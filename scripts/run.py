@@ -39,13 +39,14 @@ class Request:
     """straight, circle, triangle, random, close, jump, roll, push, breathing, shaft_loop,
     occlusion, endoscope, rest, or a TOML file of the same form."""
     controller: str = "pi"
-    """Control law: pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive, predictive,
-    predictive_bank, oracle (knows the truth: a floor), or a .py file that defines
+    """Control law: still (holds), pi, pi_hc, pi_simc, pi_simc_hc, ik, ik_sync, smith, repetitive,
+    predictive, predictive_bank, oracle (knows the truth: a floor), or a .py file that defines
     make(calibration)."""
     rig: str = "twin"
     """What to drive: twin; hil (the twin at the end of a serial line, in lock-step; hil:wall by the
-    wall clock); serial:PORT (a bench); surrogate (plays fitted to the instrument, no physics, no
-    pictures); or play (the same with one play of constant width)."""
+    wall clock); serial:PORT (a bench); or a model without physics and pictures: surrogate (plays
+    fitted to the instrument), play (one of constant width), quasi_static (its wires, without
+    inertia)."""
     bench: tyro.conf.DisallowNone[Path | None] = None
     """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
     vision: str = "markers"
@@ -55,7 +56,7 @@ class Request:
     """With track: rectangle of the first picture to follow, as X,Y,WIDTH,HEIGHT [px]; else 41x41 px
     around the board's target."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, or a TOML file of that form."""
+    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     latency_s: tyro.conf.DisallowNone[float | None] = None
     """Exposure to delivery of a frame [s]; else the scenario's."""
     duration_s: tyro.conf.DisallowNone[float | None] = None
@@ -282,10 +283,11 @@ def perform(
 def table(records: list[dict[str, Any]]) -> Table:
     """Lay run records out for people.
 
-    Errors are in pixels, *seen* is the rms of what vision saw, *found* the share of frames in which
-    the target was, *lost* that of the ticks without a lock, *speed* simulated seconds a second.
+    Errors are in pixels, *seen* is the rms of what vision saw, *tip* and *handle* are angles from
+    peak to peak of the axis that moved farther, *found* the share of frames in which the target
+    was, *lost* that of the ticks without a lock, *speed* simulated seconds a second.
     """
-    title = "target off the image centre in px: now, and (rms) as seen"
+    title = "target off the image centre in px, now and (rms) as seen; tip and handle in deg p-p"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     varied = any(r.get("variation") for r in records)
     rows = [_cells(record) for record in records]
@@ -307,21 +309,28 @@ def _cells(r: dict[str, Any]) -> dict[str, str]:
         "scenario": escape(r["scenario"]),
         "law": escape(r["controller"]),
         "variation": escape(r.get("variation") or "nominal"),
-        "latency": f"{r['latency_s']:.2f} s",
+        "latency": "-" if r["latency_s"] is None else f"{r['latency_s']:.2f} s",
         **{key: _number(error.get(key)) for key in ("rms", "p95", "max")},
         "seen": _number(seen.get("rms")),
+        "tip": _degrees(r["tip"]),
+        "handle": _degrees(r["handle"]),
         "found": _percent(r["detected_fraction"]),
         "lost": _percent(r["lost_fraction"]),
-        "speed": f"{r['real_time_factor']:.1f}x",
+        "speed": _number(r["real_time_factor"], "x"),
     }
+
+
+def _degrees(motion: dict[str, Any] | None) -> str:
+    both = motion and motion["p2p_deg"]
+    return f"{max(both):.0f}" if both else "-"
 
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.0f} %"
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
+def _number(value: float | None, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.1f}{unit}"
 
 
 def _request_values(request: Request) -> dict[str, Any]:

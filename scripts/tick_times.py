@@ -62,7 +62,7 @@ def _taken() -> dict[str, Vector]:
     result = {}
     for name in laws.LAWS:
         settings = laws.configure(name, known={"period_s": STROKE_S, "plays": plays})
-        with SurrogateRig("straight", plays=plays) as rig:
+        with SurrogateRig("straight", transmission=plays) as rig:
             law = Timed(laws.make(name, rig.camera.calibration, settings, rig.truth))
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=DURATION_S)
         result[name] = np.array(law.taken)

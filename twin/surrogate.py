@@ -1,11 +1,13 @@
-"""A fast stand-in for the twin: Prandtl-Ishlinskii hysteresis and exact kinematics, no physics.
+"""A fast stand-in for the twin: hysteresis without time, exact kinematics, no physics.
 
-Behind the same rig API, so that laws can be tried in seconds. Per axis
+Behind the same rig API, so that laws can be tried in seconds:
 
-    servo (first-order lag) -> weighted plays -> constant-curvature section -> projection,
+    servos (first-order lag) -> transmission -> constant-curvature section -> projection.
 
-both axes alike and independent. It knows no pushes, no shaft that moves, no inertia; with one play
-it is also the kind of model that the thesis simulated: constant width, exact kinematics.
+The transmission is weighted plays, both axes alike and independent (control/hysteresis.py), or
+wires that rub, whose loops widen with the bend of both axes (control/quasi_static.py): friction as
+in the thesis' eq. 3.29 with the kinematics that its laws use, the kind of model that it simulated.
+No pushes, no shaft that moves, no inertia.
 """
 
 from __future__ import annotations
@@ -15,10 +17,9 @@ from dataclasses import asdict
 from math import ceil, cos, exp, hypot, sin
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 from endolock.control import kinematics
-from endolock.control.hysteresis import Hysteresis, Plays
 from endolock.control.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
@@ -36,6 +37,22 @@ SERVO_LAG_S = 0.025
 """Time constant of a handle behind its goal [s]. Source: measured on the twin's servo."""
 
 
+class Follower(Protocol):
+    """Both axes with their past."""
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+
+
+class Transmission(Protocol):
+    """What lies between handles and bends: a dataclass of plain values."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def at_rest(self) -> Follower:
+        """Return both axes as they are before the handles turn."""
+
+
 class Moment(NamedTuple):
     """What the truth follows from."""
 
@@ -49,7 +66,7 @@ class SurrogateRig:
 
     Args:
         scenario: name, TOML file or loaded scenario, with a board that moves and nothing else.
-        plays: hysteresis of each axis.
+        transmission: from handles to bends.
         instrument: its lengths, handles and encoders are used; the default if None.
         seed: of every random number.
 
@@ -65,7 +82,7 @@ class SurrogateRig:
         self,
         scenario: str | Path | Scenario = "straight",
         *,
-        plays: Plays,
+        transmission: Transmission,
         instrument: Instrument | None = None,
         seed: int = 0,
     ) -> None:
@@ -74,7 +91,7 @@ class SurrogateRig:
         made = instrument or Instrument()
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.clock = SurrogateClock(self)
-        self.plant = SurrogatePlant(self.scenario, plays, made, seed)
+        self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
         self.actuators = Guard(SurrogateDrive(self.plant, self.clock, made))
         video = self.scenario.camera
         self.camera = camera.tip_camera(video, self.clock, seed)
@@ -82,7 +99,7 @@ class SurrogateRig:
         calibration = self.camera.calibration
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._frames = 0
-        self._plays = plays
+        self._transmission = transmission
 
     def advance(self, step: int) -> None:
         """Move up to a grid point, exposing frames on the way."""
@@ -99,10 +116,10 @@ class SurrogateRig:
             self._frames += 1
 
     def describe(self) -> Mapping[str, Any]:
-        """Return scenario, plays, camera and board as plain values."""
+        """Return scenario, transmission, camera and board as plain values."""
         return {
             "scenario": self.scenario.model_dump(),
-            "surrogate": asdict(self._plays),
+            "surrogate": asdict(self._transmission),
             "calibration": asdict(self.camera.calibration),
             "board": asdict(self.board),
         }
@@ -150,16 +167,18 @@ class SurrogateClock:
 
 
 class SurrogatePlant:
-    """Servos, plays and section.
+    """Servos, transmission and section.
 
     Args:
         scenario: moves the board.
-        plays: hysteresis of each axis.
+        transmission: from handles to bends.
         instrument: gives the lengths.
         seed: of what is random in the scenario.
     """
 
-    def __init__(self, scenario: Scenario, plays: Plays, instrument: Instrument, seed: int) -> None:
+    def __init__(
+        self, scenario: Scenario, transmission: Transmission, instrument: Instrument, seed: int
+    ) -> None:
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
         self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
@@ -169,7 +188,7 @@ class SurrogatePlant:
             rigid_tip_m=instrument.rigid_tip_m,
             misalignment_rad=instrument.misalignment_rad,
         )
-        self._axes = (Hysteresis(plays), Hysteresis(plays))
+        self._axes = transmission.at_rest()
         self._keep = exp(-TIMESTEP_S / SERVO_LAG_S)
         self.goal = self.handles = self.speed = self.bend = (0.0, 0.0)
         self.step_count = 0
@@ -181,13 +200,13 @@ class SurrogatePlant:
 
     def advance(self, step: int) -> None:
         """Go up to a grid point; the goals stay."""
-        keep, (first, second) = self._keep, self._axes
+        keep, axes = self._keep, self._axes
         while self.step_count < step:
             (a, b), (goal_a, goal_b) = self.handles, self.goal
             off_a, off_b = keep * (a - goal_a), keep * (b - goal_b)
             self.handles = goal_a + off_a, goal_b + off_b
             self.speed = -off_a / SERVO_LAG_S, -off_b / SERVO_LAG_S
-            self.bend = first.follow(self.handles[0]), second.follow(self.handles[1])
+            self.bend = axes.follow(self.handles)
             self.step_count += 1
 
     def snapshot(self) -> Moment:

@@ -39,8 +39,8 @@ def test_simc_gains_leave_a_gain_margin_of_pi(lag_s: float) -> None:
     assert analysis.margins(lambda s: kp + ki / s, process).gain == pytest.approx(pi, rel=GRID)
 
 
-# they know the target (oracle), or estimate it and choose as they go (predictive)
-NOT_LINEAR = {"oracle", "predictive", "predictive_bank"}
+# they know the target (oracle), do nothing (still), or estimate and choose as they go (predictive)
+NOT_LINEAR = {"oracle", "predictive", "predictive_bank", "still"}
 
 
 @pytest.mark.parametrize("name", sorted(set(laws.LAWS) - NOT_LINEAR - {"repetitive"}))
@@ -52,7 +52,7 @@ def test_every_linear_law_is_stable_as_it_comes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(NOT_LINEAR))
-def test_a_law_that_estimates_has_no_linear_part(name: str) -> None:
+def test_a_law_that_estimates_or_holds_has_no_linear_part(name: str) -> None:
     assert analysis.response(laws.configure(name), INSTANT) is None
 
 

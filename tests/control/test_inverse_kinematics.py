@@ -88,4 +88,19 @@ def test_a_still_target_off_the_axis_is_brought_to_the_centre() -> None:
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
 def test_impossible_beliefs_are_refused(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"ik: {name} is {value:g}; use a finite number above 0"):
-        IKSettings(**{name: value})
+        IKSettings(**{name: value})  # type: ignore[arg-type]
+
+
+def test_a_measured_distance_replaces_the_assumed_one() -> None:
+    """At 6 cm the aim lies where the target is; assumed to be 12 cm away, farther out."""
+    bends = {}
+    for measured in (False, True):
+        law = InverseKinematics(CAMERA, IKSettings(measured_distance=measured))
+        law.reset(AT_REST)
+        law.update(0.0, AT_REST, replace(_seen(100.0, 0.0), distance_m=0.06))
+        bends[measured] = law.memory.aim[1] * IKSettings().bend_per_handle
+    place = np.array([0.06 * 100 / CAMERA.focal_px, 0.0, 0.06])
+    assert bends[True] == pytest.approx(
+        kinematics.aim(kinematics.SectionGeometry(), place)[1], abs=1e-12
+    )
+    assert bends[False] > 1.2 * bends[True]  # the lever of the section is 52 mm

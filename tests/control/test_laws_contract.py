@@ -27,7 +27,7 @@ SETTLED_RAD = 1e-9  # some hundred roundings
 
 def make(name: str) -> Controller:
     settings_ = laws.configure(name, known={"period_s": 2.0})
-    rig = SurrogateRig("rest", plays=rigs.plays_behind("play", Instrument(), 180.0))
+    rig = SurrogateRig("rest", transmission=rigs.plays_behind("play", Instrument(), 180.0))
     rig.clock.sleep_until(0.0)
     return laws.make(name, CAMERA, settings_, rig.truth)
 
@@ -133,7 +133,7 @@ def test_after_a_reset_it_stays_at_the_handles_until_something_is_seen(name: str
         assert command.position == pytest.approx((0.3, -0.4), abs=SETTLED_RAD)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "oracle"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("oracle", "still")])
 def test_the_view_turns_towards_the_target(name: str) -> None:
     law = make(name)
     law.reset(state(0.0, (0.0, 0.0)))
@@ -164,6 +164,12 @@ def test_a_clipped_axis_integrates_only_its_way_back(name: str) -> None:
         for t in (1.0 + n * PERIOD_S for n in range(50))
     ]
     assert back[-1] < back[0]
+
+
+def test_holding_still_is_holding_still() -> None:
+    law = make("still")
+    law.reset(state(0.0, (0.1, -0.2)))
+    assert set(drive(law, [(100.0, -50.0, LATENCY_S), None, Status.LOST] * 10)) == {(0.1, -0.2)}
 
 
 @pytest.mark.parametrize("name", ["pi", "pi_simc", "ik", "smith"])

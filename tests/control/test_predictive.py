@@ -118,7 +118,7 @@ def test_a_handle_that_stands_still_tells_nothing() -> None:
 
 def locked(law: str, name: str, seconds: float, plays: Plays, **changes: float) -> dict[str, float]:
     """Score the second half of a run on the surrogate."""
-    rig = SurrogateRig(scenario.load(name, changes), plays=plays)
+    rig = SurrogateRig(scenario.load(name, changes), transmission=plays)
     with rig:
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
@@ -147,7 +147,7 @@ def test_at_rest_it_rests() -> None:
 
 
 def test_it_turns_cautious_when_reversals_multiply_and_back() -> None:
-    rig = SurrogateRig("rest", plays=ONE_PLAY)
+    rig = SurrogateRig("rest", transmission=ONE_PLAY)
     law = laws.make("predictive_bank", rig.camera.calibration)
     assert isinstance(law, Predictive)
     with rig:
@@ -170,7 +170,7 @@ def test_it_turns_cautious_when_reversals_multiply_and_back() -> None:
 
 
 def test_its_inside_is_told() -> None:
-    rig = SurrogateRig("straight", plays=rigs.plays_of(Instrument(), 180.0))
+    rig = SurrogateRig("straight", transmission=rigs.plays_of(Instrument(), 180.0))
     law = laws.make("predictive_bank", rig.camera.calibration)
     with rig:
         rig.clock.sleep_until(0.0)

@@ -26,7 +26,7 @@ NO_PLAY = Plays(radii=(0.0,), weights=(1.0,))
 
 
 def driven(goal: tuple[float, float], seconds: float, **made: Any) -> SurrogateRig:
-    rig = SurrogateRig(**{"scenario": "circle", "plays": NO_PLAY, **made})
+    rig = SurrogateRig(**{"scenario": "circle", "transmission": NO_PLAY, **made})
     with rig:
         rig.actuators.enable()
         for n in range(round(seconds / 0.02)):
@@ -52,7 +52,7 @@ def test_pose_and_pixel_are_those_of_the_kinematics(misalignment: float) -> None
 
 
 def test_a_handle_follows_with_the_servo_s_lag() -> None:
-    rig = SurrogateRig("rest", plays=NO_PLAY)
+    rig = SurrogateRig("rest", transmission=NO_PLAY)
     with rig:
         rig.actuators.enable()
         rig.actuators.exchange(Command(position=(0.02, 0.0)))
@@ -69,7 +69,7 @@ def test_a_handle_follows_with_the_servo_s_lag() -> None:
 def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
     def end(stops: list[float]) -> tuple[Any, ...]:
         jitter = {"camera.jitter_s": 0.03, "camera.drop_fraction": 0.2, "camera.latency_s": 0.1}
-        rig = SurrogateRig(scenario.load("random", jitter), plays=ONE_PLAY, seed=3)
+        rig = SurrogateRig(scenario.load("random", jitter), transmission=ONE_PLAY, seed=3)
         for stop in (*stops, 1.0):
             rig.clock.sleep_until(stop)
         return rig.camera.latest(), rig.truth.now().target_px, rig.plant.bend
@@ -80,14 +80,14 @@ def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
 @pytest.mark.parametrize("name", ["push", "roll", "shaft_loop"])
 def test_what_it_does_not_know_it_refuses(name: str) -> None:
     with pytest.raises(ConfigError, match=r"which the surrogate does not know; use --rig twin"):
-        SurrogateRig(name, plays=ONE_PLAY)
+        SurrogateRig(name, transmission=ONE_PLAY)
 
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
 def test_a_law_does_on_it_about_what_it_does_on_the_twin(name: str) -> None:
     plays = rigs.plays_of(Instrument(), 180.0)
     rms = []
-    for rig in (TwinRig(name, pictures=False), SurrogateRig(name, plays=plays)):
+    for rig in (TwinRig(name, pictures=False), SurrogateRig(name, transmission=plays)):
         with rig:
             rig.clock.sleep_until(0.0)
             camera = rig.camera.calibration
@@ -107,6 +107,6 @@ def test_plays_of_an_instrument_without_friction_have_no_width() -> None:
 
 def test_truth_and_pose_agree_for_a_tilted_board() -> None:
     tilted = scenario.load("rest", {"board.tilt_deg": 20.0, "board.tilt_axis_deg": 30.0})
-    sample = SurrogateRig(tilted, plays=ONE_PLAY).truth.now()
+    sample = SurrogateRig(tilted, transmission=ONE_PLAY).truth.now()
     assert isinstance(sample.plant.board, Pose)
     assert sample.plant.board.quaternion == tilted.board.quaternion

@@ -1,0 +1,100 @@
+"""What a scenario asks of the tip, and the best that a handle could do which never moves.
+
+A law is only worth its handle motion where it beats the constant bend that would have been best in
+hindsight. A law that follows moves the tip about as far as the path needs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from endolock.control import kinematics, metrics
+from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.hw import boards
+from endolock.hw.api import Calibration, Pose, Vector
+from endolock.twin import optics
+from endolock.twin.course import Course
+from endolock.twin.instrument import Instrument
+from endolock.twin.scenario import Scenario
+from endolock.vision import camera_model
+
+STEP_S = 0.1
+"""Sampling of the path [s]: 0.3 Hz random motion moves by a few px meanwhile."""
+COARSE_RAD = 0.1
+"""Grid on which the search for the best bend begins."""
+
+
+class Hindsight(NamedTuple):
+    """What can be said of a path once it is known."""
+
+    needed_tip_deg: Pair
+    """Bend, peak to peak, of a tip that always points at the target (up_down, left_right) [deg]."""
+    constant_px: dict[str, Any]
+    """Error of the best constant bend, summarised as in a run record [px]."""
+
+
+def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsight:
+    """Look at the whole path of a target, where it is scored.
+
+    The section is one of constant curvature at rest on its base; pushes are left out.
+
+    Args:
+        scenario: how the board moves.
+        instrument: gives the lengths.
+        seed: of what is random in the scenario.
+    """
+    geometry = SectionGeometry(
+        bending_length_m=instrument.bending_length_m,
+        rigid_tip_m=instrument.rigid_tip_m,
+        misalignment_rad=instrument.misalignment_rad,
+    )
+    path = places(scenario, seed)
+    bends = np.degrees([kinematics.aim(geometry, place) for place in path])
+    up_down, left_right = np.ptp(bends, axis=0).tolist()
+    error = _best_constant(geometry, optics.calibration(scenario.camera), path)
+    return Hindsight((up_down, left_right), metrics.summary(error))
+
+
+def places(scenario: Scenario, seed: int) -> Vector:
+    """Sample the target's path in the frame of the section's base, n x 3 [m]."""
+    course = Course(scenario, seed)
+    board = scenario.board
+    target = boards.aimed(board.kind, board.target).target
+    turn = Pose(t=0.0, position=(0, 0, 0), quaternion=board.quaternion).matrix
+    on_board = turn @ np.array([*target, 0.0])
+    found = []
+    for t in np.arange(scenario.scored_from_s, scenario.duration_s + STEP_S / 2, STEP_S).tolist():
+        right, down = course.board(t)
+        place = np.array([right, down, board.distance_m + course.depth(t)]) + on_board
+        roll = course.shaft_roll_rad(t)
+        c, s = np.cos(roll), np.sin(roll)
+        found.append(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ place)
+    return np.array(found)
+
+
+def _best_constant(geometry: SectionGeometry, camera: Calibration, path: Vector) -> Vector:
+    """Errors of the one bend that makes their rms least [px]."""
+    from scipy.optimize import minimize  # half a second to load
+
+    def errors(bend: Vector) -> Vector:
+        position, rotation = kinematics.forward(geometry, (float(bend[0]), float(bend[1])))
+        points = (path - position) @ rotation
+        ahead = points[:, 2] > 0
+        distance = np.full(len(path), metrics.BEHIND_PX)
+        pixels = camera_model.project_points(camera, points[ahead])
+        distance[ahead] = np.hypot(*(pixels - camera.centre_px).T)
+        error: Vector = np.minimum(distance, metrics.BEHIND_PX)
+        return error
+
+    def rms(bend: Vector) -> float:
+        return float(np.sqrt(np.mean(errors(bend) ** 2)))
+
+    aims = np.array([kinematics.aim(geometry, place) for place in path])
+    low, high = aims.min(axis=0), aims.max(axis=0)
+    axes = [np.arange(a, b + COARSE_RAD, COARSE_RAD) for a, b in zip(low, high, strict=True)]
+    starts = [np.array([a, b]) for a in axes[0] for b in axes[1]]
+    start = min(starts, key=rms)
+    best = minimize(rms, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
+    return errors(best.x)
