@@ -16,6 +16,8 @@ from endolock.hw.api import ConfigError, Vector
 from endolock.scripts import recorder, run
 
 WORKERS = 2
+FOLLOWED = 0.5
+"""Share of the motion that the path needs from which on a tip is said to follow it. Assumed."""
 Made = TypeVar("Made")
 
 
@@ -34,6 +36,31 @@ class Done(NamedTuple):
     def rms(self) -> float:
         """Of the true error where it is scored [px]."""
         return float(self.record["error_px"]["rms"])
+
+    @property
+    def tip_deg(self) -> float:
+        """Motion of the tip from peak to peak where it is scored, of the axis that moved more."""
+        return float(max(self.record["tip"]["p2p_deg"]))
+
+    @property
+    def needed_deg(self) -> float:
+        """The same of a tip that always points at the target."""
+        return float(max(self.record["needed_tip_deg"]))
+
+    @property
+    def follows(self) -> bool:
+        """Whether the tip moves by half of what the path needs, or more; else it is parked."""
+        return self.tip_deg >= FOLLOWED * self.needed_deg
+
+    @property
+    def constant_px(self) -> float:
+        """Error that the best constant handle would leave, known in hindsight, rms [px]."""
+        return float(self.record["constant_px"]["rms"])
+
+    @property
+    def handle_deg(self) -> float:
+        """Motion of the handle from peak to peak, as of the tip."""
+        return float(max(self.record["handle"]["p2p_deg"]))
 
     @property
     def distance(self) -> Vector:

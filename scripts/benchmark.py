@@ -7,7 +7,7 @@ give the same), one seed. The full product is `endolock compare --vary ... --lat
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import ceil
 
 from endolock.scripts import batch, output, run, theory, variation
@@ -16,11 +16,11 @@ from endolock.twin import scenario
 
 SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
 LAWS = (
-    *("pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive"),
+    *("still", "pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive"),
     *("predictive", "predictive_bank", "oracle"),
 )
-FEW = ("pi", "pi_hc", "pi_simc", "pi_simc_hc", "predictive_bank", "oracle")
-"""Laws of the larger tables: five and the floor."""
+FEW = ("still", "pi", "pi_hc", "pi_simc", "pi_simc_hc", "ik_sync", "predictive_bank", "oracle")
+"""Laws of the larger tables: doing nothing, six, and the floor."""
 LATENCIES = (0.06, 0.2, 0.4, 0.8)
 DURATION_S, SCORED_FROM_S = 100.0, 50.0
 HEAD = """# Benchmark of laws
@@ -28,8 +28,14 @@ HEAD = """# Benchmark of laws
 Written by `./run docs`, within {minutes} minutes on two cores. Rms of the true error in px, at
 f = 262 px, 0.4 s of latency unless stated, 100 s of which the last 50 are scored, seed 0, exact
 projections instead of pictures, on a simulated plant: none of this was measured on an endoscope.
-`oracle` knows the truth and has no latency: it is a floor, no law. *lost* stands where the target
-was out of sight for more than 1 % of the time.
+`still` holds the handles where they begin, and *constant* is the best that a handle which never
+moves could do, known in hindsight: a law that beats neither is worth nothing there. `oracle` knows
+the truth and has no latency: it is a floor, no law. *lost* stands where the target was out of sight
+for more than 1 % of the time.
+
+Below each table of errors stands what they cost: motion of tip and handle from peak to peak, of the
+axis that moved farther. Where the tip moves much less than the path needs, the law is parked, and
+its error is that of a constant handle.
 """
 
 
@@ -57,30 +63,71 @@ def page() -> str:
     asked = [request(*pair) for pair in nominal]
     asked += [request("straight", law, (name,)) for name, law in varied]
     asked += [request(n, law, (), s) for n, s, law in late]
-    cells = [_cell(record) for record in batch.perform(asked)]
-    first, rest = cells[: len(nominal)], cells[len(nominal) :]
-    second, third = rest[: len(varied)], rest[len(varied) :]
-
-    rows = [
-        [name, *first[n * len(LAWS) : (n + 1) * len(LAWS)], _floor(name)]
-        for n, name in enumerate(SCENARIOS)
-    ]
-    text = f"\n## Scenarios\n\n{output.markdown(['scenario', *LAWS, 'Wiener floor'], rows)}"
+    done = batch.perform(asked)
+    count = len(nominal), len(varied), len(late)
+    first, second, third = (done[sum(count[:n]) : sum(count[: n + 1])] for n in range(len(count)))
+    text = _tables(
+        "Scenarios",
+        ["scenario"],
+        LAWS,
+        [[name] for name in SCENARIOS],
+        first,
+        ("Wiener floor", [_floor(name) for name in SCENARIOS]),
+    )
     straight = SCENARIOS.index("straight") * len(LAWS)
-    rows = [["nominal", *(first[straight + LAWS.index(law)] for law in FEW), ""]]
-    rows += [
-        [name, *second[n * len(FEW) : (n + 1) * len(FEW)], variation.read(name).summary]
-        for n, name in enumerate(variation.names())
-    ]
-    text += "\n## Disturbances, on `straight`\n\n"
-    text += output.markdown(["disturbance", *FEW, "what"], rows)
-    rows = [
-        [name, f"{s:g} s", *third[n * len(FEW) : (n + 1) * len(FEW)]]
-        for n, (name, s) in enumerate((n, s) for n in ("straight", "circle") for s in LATENCIES)
-    ]
-    text += f"\n## Latencies\n\n{output.markdown(['scenario', 'latency', *FEW], rows)}"
+    plain = [first[straight + LAWS.index(law)] for law in FEW]
+    names = variation.names()
+    text += _tables(
+        "Disturbances, on `straight`",
+        ["disturbance"],
+        FEW,
+        [[name] for name in ("nominal", *names)],
+        [*plain, *second],
+        ("what", ["", *(variation.read(name).summary for name in names)]),
+    )
+    cases = [(n, s) for n in ("straight", "circle") for s in LATENCIES]
+    text += _tables(
+        "Latencies",
+        ["scenario", "latency"],
+        FEW,
+        [[name, f"{s:g} s"] for name, s in cases],
+        third,
+    )
     minutes = 5 * ceil((time.perf_counter() - begin) / 300)
     return HEAD.format(minutes=minutes) + text + CLOSING
+
+
+def _tables(
+    title: str,
+    heads: list[str],
+    laws: Sequence[str],
+    cases: Sequence[list[str]],
+    done: Sequence[Done | None],
+    last: tuple[str, list[str]] | None = None,
+) -> str:
+    """Lay one part out: errors, and below them what the laws paid.
+
+    Args:
+        title: of the part.
+        heads: of the first columns.
+        laws: in the order of the runs.
+        cases: first cells of each row.
+        done: the runs, case by case.
+        last: head and cells of a further column of the table of errors.
+    """
+    errors, prices = [], []
+    for n, first in enumerate(cases):
+        own = done[n * len(laws) : (n + 1) * len(laws)]
+        more = [last[1][n]] if last else []
+        known = next(one for one in own if one)
+        errors.append([*first, *map(_error, own), f"{known.constant_px:.1f}", *more])
+        prices.append([*first, *map(_price, own), f"{known.needed_deg:.0f}"])
+    head = [*heads, *laws, "constant", *([last[0]] if last else [])]
+    price_head = [*heads, *laws, "tip needed"]
+    return (
+        f"\n## {title}\n\n{output.markdown(head, errors)}"
+        f"\nTip / handle, peak to peak in deg:\n\n{output.markdown(price_head, prices)}"
+    )
 
 
 CLOSING = """
@@ -93,11 +140,15 @@ of disturbances: [models/disturbances](../models/disturbances). One row again, m
 """
 
 
-def _cell(done: Done | None) -> str:
+def _error(done: Done | None) -> str:
     if done is None:
         return "-"
     lost = done.record["lost_fraction"]
     return f"{done.rms:.1f}" + (f" (lost {100 * lost:.0f} %)" if lost > 0.01 else "")
+
+
+def _price(done: Done | None) -> str:
+    return "-" if done is None else f"{done.tip_deg:.0f} / {done.handle_deg:.0f}"
 
 
 def _floor(name: str) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby, product
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,10 +15,9 @@ from rich.console import Console
 
 from endolock.control import laws
 from endolock.hw.api import ConfigError
-from endolock.scripts import output, recorder, rigs, run, theory, variation
+from endolock.scripts import output, record_table, recorder, rigs, run, theory, variation
 from endolock.vision.observation import Status
 
-CONSTANT = "constant: the best that a handle which never moves could do, known in hindsight"
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
 
@@ -28,7 +27,7 @@ class Request:
 
     scenarios: tuple[str, ...] = ("straight", "circle")
     """Scenarios by name, or TOML files."""
-    controllers: tuple[str, ...] = ("pi", "ik")
+    controllers: tuple[str, ...] = ("still", "pi", "ik")
     """Control laws, as for run."""
     seeds: int = 1
     """Repeat each run with this many seeds: 0, 1, ..."""
@@ -69,7 +68,7 @@ def main(request: Request) -> int:
     if request.thesis:
         return _thesis(request, place, console)
     records, folders = perform(request, place)
-    with console.status("working out margins, floors and the best constant handles"):
+    with console.status("working out margins and floors"):
         planned = plan(request, None)
         told = [theory.of(one) for one in planned[: len(records)]]
         records = [{**record, **more} for record, more in zip(records, told, strict=True)]
@@ -77,8 +76,13 @@ def main(request: Request) -> int:
         figure = draw(records, folders, place / "errors.png")
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
-        console.print(run.table(list(with_constants(records))))
-        for line in (CONSTANT, *_needs(records), *_margins(records), *_floors(records)):
+        console.print(record_table.table(records))
+        for line in (
+            record_table.CONSTANT,
+            *_needs(records),
+            *_margins(records),
+            *_floors(records),
+        ):
             console.print(line, soft_wrap=True, highlight=False)
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
     return 130 if records[-1]["interrupted"] else 0
@@ -133,24 +137,6 @@ def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
         for (scenario, latency), floor in told.items()
         if floor is not None
     ]
-
-
-def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Add rows for the best constant handle below the laws of each scenario, for tables.
-
-    Args:
-        records: run records with what `theory.of` tells, one scenario after another.
-    """
-    unknown = ("delayed_error_px", "detected_fraction", "lost_fraction", "real_time_factor")
-    nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
-    for _, block in groupby(records, key=lambda record: record["scenario"]):
-        told: list[Any] = [None]  # as of a bench, whose path nobody knows
-        yield from (rows := list(block))
-        for record in rows:
-            if (constant := record["constant_px"]) not in told:
-                told.append(constant)
-                row = {"controller": "constant", "latency_s": None, "error_px": constant}
-                yield record | dict.fromkeys(unknown) | nothing | row
 
 
 def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[Path]]:

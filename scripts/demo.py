@@ -1,4 +1,4 @@
-"""`./run demo`: two laws follow the straight path; a table, a figure, a strip of pictures."""
+"""`./run demo`: holding still and two laws, straight path; table, figure, strip of pictures."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def main(args: list[str]) -> int:
     from endolock.scripts import (  # cli.guarded says what fails
         compare,
         output,
+        record_table,
         recorder,
         rrd,
-        run,
         strip,
     )
 
@@ -26,7 +26,8 @@ def main(args: list[str]) -> int:
     console = Console(stderr=request.json == "-")
     place = request.out or recorder.new_path(Path("runs"), "demo")
     records, folders = compare.perform(request, place)
-    first = folders[0]
+    moving = (f for f, r in zip(folders, records, strict=True) if r["controller"] != "still")
+    first = next(moving, folders[0])
     results: dict[str, Path | str] = {}
     with console.status("writing errors.png, strip.png and run.rrd"):
         results["error over time"] = compare.draw(records, folders, place / "errors.png")
@@ -35,7 +36,8 @@ def main(args: list[str]) -> int:
         rrd.derive(first)
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
-        console.print(run.table(records))
+        console.print(record_table.table(records))
+        console.print(record_table.CONSTANT, soft_wrap=True, highlight=False)
         results["look into a run"] = f"./run endolock view {first}"
         for what, where in results.items():
             console.print(f"{what}: {where}", soft_wrap=True, highlight=False, markup=False)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from endolock.scripts import batch
+from endolock.scripts.batch import Done
 from endolock.scripts.output import markdown
 from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request
 
@@ -34,6 +35,7 @@ def roughness() -> Answer:
             f"{one.rms:.0f} px",
             f"{one.record['handle']['accel_rms']:.2f}",
             f"{one.record['handle']['reversals_per_s']:.2f}",
+            f"{one.tip_deg:.0f} deg",
         ]
         for name, one in done.items()
     ]
@@ -48,7 +50,8 @@ def roughness() -> Answer:
         panel.set_ylim(bottom=0)
 
     head = ["law", "rms", "handle acceleration rms [rad/s2]", "handle reversals a second"]
-    return Answer(markdown(head, rows), draw)
+    tip = f"tip p-p; needed {next(iter(done.values())).needed_deg:.0f} deg"
+    return Answer(markdown([*head, tip], rows), draw)
 
 
 def circles() -> Answer:
@@ -67,7 +70,7 @@ def circles() -> Answer:
             for width in WIDTHS:
                 one = done[scenario, form, width]
                 turns = one.record["handle"]["reversals_per_s"]
-                cells.append(f"{one.rms:.0f}" + (" *" if turns > 1.0 else ""))
+                cells.append(f"{one.rms:.0f}, {one.tip_deg:.0f}" + (" *" if turns > 1.0 else ""))
             rows.append([scenario, form, *cells])
 
     def draw(panel: Any) -> None:
@@ -95,7 +98,7 @@ def latency() -> Answer:
     ]
     done = dict(zip(cases, batch.all_of(asked), strict=True))
     rows = [
-        [law, plant, *(f"{done[law, plant, s].rms:.0f} px" for s in latencies)]
+        [law, plant, *(_rms_and_tip(done[law, plant, s]) for s in latencies)]
         for law in laws
         for plant in plants
     ]
@@ -110,6 +113,10 @@ def latency() -> Answer:
         panel.set_ylim(bottom=0)
 
     return Answer(markdown(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
+
+
+def _rms_and_tip(one: Done) -> str:
+    return f"{one.rms:.0f} px, {one.tip_deg:.0f} deg"
 
 
 def after_a_push() -> Answer:
@@ -143,6 +150,7 @@ def after_a_push() -> Answer:
     rows = [
         [
             name,
+            f"{calm[name].tip_deg:.0f} deg",
             *(
                 f"{100 * np.mean(np.array(jumps[name, force]) > 30):.0f} %, "
                 f"{max(jumps[name, force]):.0f} px"
@@ -160,5 +168,5 @@ def after_a_push() -> Answer:
         panel.set_ylabel("largest deviation afterwards [px]")
         panel.set_ylim(bottom=0)
 
-    head = ["law", *(f"{force} N: over 30 px, largest" for force in forces)]
+    head = ["law", "tip p-p, undisturbed", *(f"{force} N: over 30 px, largest" for force in forces)]
     return Answer(markdown(head, rows), draw)

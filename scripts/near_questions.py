@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain, simc
 from endolock.scripts import batch, run
+from endolock.scripts.batch import Done
 from endolock.scripts.output import markdown
 from endolock.scripts.questions import COLOURS, NO_FRICTION, Answer, request
 
@@ -21,19 +23,24 @@ def relative() -> Answer:
     cases = [(d, law) for d in DISTANCES_M for law in laws]
     with_ = batch.all_of([near(d, law, *tuned(law, d)) for d, law in cases])
     free = batch.all_of([near(d, law, *tuned(law, d), *NO_FRICTION) for d, law in cases])
-    ratio = {case: a.rms / b.rms for case, a, b in zip(cases, with_, free, strict=True)}
+    ratio = {
+        case: a.rms / b.rms if a.follows else np.nan
+        for case, a, b in zip(cases, with_, free, strict=True)
+    }
     travel = [float(np.degrees(np.ptp(one.handle[one.t > 10, 1]))) for one in free[:: len(laws)]]
     rows = [
         [
             f"{1e3 * d:.0f} mm",
             f"{1e3 * _travel(d):.0f} mm",
             f"{travel[n]:.0f} deg",
-            *(f"{ratio[d, law]:.1f}" for law in laws),
+            *("parked" if np.isnan(ratio[d, law]) else f"{ratio[d, law]:.1f}" for law in laws),
+            _tips(with_[n * len(laws) :][: len(laws)]),
         ]
         for n, d in enumerate(DISTANCES_M)
     ]
     head = ["distance", "stroke", "handle travel without friction"]
-    text = markdown([*head, *(f"{law}: error over that without friction" for law in laws)], rows)
+    head += [f"{law}: error over that without friction" for law in laws]
+    text = markdown([*head, f"tip: needed, {', '.join(laws)}"], rows)
 
     def draw(panel: Any) -> None:
         for n, law in enumerate(laws):
@@ -58,29 +65,26 @@ def integral() -> Answer:
     ]
     done = batch.all_of(asked)
     gains = [share * best[distances[1]][1] for share in shares]
-    rms = {
-        d: [one.rms for one in done[n * len(shares) :][: len(shares)]]
-        for n, d in enumerate(distances)
-    }
-    rows = [
-        [
-            f"{1e3 * d:.0f} mm",
-            f"{_process(d).gain:.2f}",
-            f"{best[d][1]:.2f}",
-            f"{np.pi / 2 / _process(d).dead_s / _process(d).gain:.2f}",
-            f"{gains[int(np.argmin(rms[d]))]:.2f}",
-            f"{min(rms[d]):.0f} px",
-        ]
-        for d in distances
-    ]
-    head = [
-        "distance",
-        "error per handle",
-        "SIMC ki",
-        "largest stable ki",
-        "best ki here",
-        "its rms",
-    ]
+    runs = {d: done[n * len(shares) :][: len(shares)] for n, d in enumerate(distances)}
+    rms = {d: [one.rms for one in runs[d]] for d in distances}
+    rows = []
+    for d in distances:
+        following = [n for n, one in enumerate(runs[d]) if one.follows]
+        least = min(following, key=lambda n: rms[d][n])
+        rows.append(
+            [
+                f"{1e3 * d:.0f} mm",
+                f"{_process(d).gain:.2f}",
+                f"{best[d][1]:.2f}",
+                f"{np.pi / 2 / _process(d).dead_s / _process(d).gain:.2f}",
+                f"{gains[least]:.2f}",
+                f"{rms[d][least]:.0f} px",
+                _tips([runs[d][least]]),
+                f"{gains[int(np.argmin(rms[d]))]:.2f}, {min(rms[d]):.0f} px",
+            ]
+        )
+    head = ["distance", "error per handle", "SIMC ki", "largest stable ki"]
+    head += ["best ki that follows", "its rms", "tip: needed, got", "best ki of all, its rms"]
 
     def draw(panel: Any) -> None:
         for n, d in enumerate(distances):
@@ -111,10 +115,14 @@ def aiming() -> Answer:
     done = dict(zip(cases, batch.all_of(asked), strict=True))
 
     def cell(d: float, name: str) -> str:
-        lost = done[d, name].record["lost_fraction"]
-        return f"{done[d, name].rms:.0f} px" + (" (lost)" if lost > 0.01 else "")
+        one = done[d, name]
+        lost = ", lost" if one.record["lost_fraction"] > 0.01 else ""
+        return f"{one.rms:.0f} px, {one.tip_deg:.0f} deg{lost}"
 
     rows = [[name, *(cell(d, name) for d in DISTANCES_M)] for name in laws]
+    first = [done[d, next(iter(laws))] for d in DISTANCES_M]
+    bounds = [f"{one.constant_px:.0f} px, {one.needed_deg:.0f} deg" for one in first]
+    rows.append(["best constant handle; the path needs", *bounds])
 
     def draw(panel: Any) -> None:
         mm = [1e3 * d for d in DISTANCES_M]
@@ -124,7 +132,8 @@ def aiming() -> Answer:
         panel.set_xlabel("distance [mm]")
         panel.set_ylabel("rms error [px]")
 
-    return Answer(markdown(["law", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)], rows), draw)
+    head = ["law: rms, tip peak to peak", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)]
+    return Answer(markdown(head, rows), draw)
 
 
 def near(distance_m: float, law: str, *changes: str) -> run.Request:
@@ -138,6 +147,12 @@ def near(distance_m: float, law: str, *changes: str) -> run.Request:
 def tuned(law: str, distance_m: float) -> tuple[str, ...]:
     """Tell a law the distance."""
     return (f"law.target_distance_m={distance_m:g}",)
+
+
+def _tips(runs: Sequence[Done]) -> str:
+    """Motion of the tip, needed and in runs on the same path, from peak to peak."""
+    angles = (runs[0].needed_deg, *(one.tip_deg for one in runs))
+    return ", ".join(f"{angle:.1f}" for angle in angles) + " deg"
 
 
 def _travel(distance_m: float) -> float:

@@ -9,24 +9,20 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import tyro
-from rich import box
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from endolock.control import laws, loop, metrics
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain
 from endolock.hw.api import ConfigError
 from endolock.hw.bench import Bench
-from endolock.scripts import output, recorder, rigs, variation
+from endolock.scripts import output, record_table, recorder, rigs, variation
 from endolock.scripts.progress import closing, progress
+from endolock.scripts.target_path import hindsight
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
 from endolock.vision.track import Selection
 
-LONG_NAME = 11
-"""A law with a longer name takes the last column's place in tables."""
 UNRECORDED = ("json", "view", "dry_run")
 """Options that change nothing about the run."""
 
@@ -93,7 +89,8 @@ def main(request: Request) -> int:
         rrd.derive(folder)
     output.write_json(record, request.json)
     if request.json != "-":
-        console.print(table([record]))
+        console.print(record_table.table([record]))
+        console.print(record_table.CONSTANT, soft_wrap=True, highlight=False)
         console.print(f"run folder: {folder}", soft_wrap=True, highlight=False, markup=False)
     if request.view:
         view.show(folder, console)
@@ -275,62 +272,20 @@ def perform(
             "latency_s": scenario.camera.latency_s,
             "interrupted": result.interrupted,
             **metrics.score(result, rig.camera.calibration, scenario.scored_from_s),
+            **_rivals(scenario, instrument, request.seed, known=not bench),
         }
     folder.finish(record)
     return record, path
 
 
-def table(records: list[dict[str, Any]]) -> Table:
-    """Lay run records out for people.
-
-    Errors are in pixels, *seen* is the rms of what vision saw, *tip* and *handle* are angles from
-    peak to peak of the axis that moved farther, *found* the share of frames in which the target
-    was, *lost* that of the ticks without a lock, *speed* simulated seconds a second.
-    """
-    title = "target off the image centre in px, now and (rms) as seen; tip and handle in deg p-p"
-    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    varied = any(r.get("variation") for r in records)
-    rows = [_cells(record) for record in records]
-    left_out = {"found", "speed"} if varied else {"variation"}  # all would not fit 80 columns
-    if any(len(record["controller"]) > LONG_NAME for record in records):
-        left_out.add("speed")
-    headings = [name for name in rows[0] if name not in left_out]
-    for heading in headings:
-        left = heading in ("scenario", "law", "variation")
-        result.add_column(heading, justify="left" if left else "right", no_wrap=True)
-    for row in rows:
-        result.add_row(*(row[heading] for heading in headings))
-    return result
-
-
-def _cells(r: dict[str, Any]) -> dict[str, str]:
-    error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
-    return {
-        "scenario": escape(r["scenario"]),
-        "law": escape(r["controller"]),
-        "variation": escape(r.get("variation") or "nominal"),
-        "latency": "-" if r["latency_s"] is None else f"{r['latency_s']:.2f} s",
-        **{key: _number(error.get(key)) for key in ("rms", "p95", "max")},
-        "seen": _number(seen.get("rms")),
-        "tip": _degrees(r["tip"]),
-        "handle": _degrees(r["handle"]),
-        "found": _percent(r["detected_fraction"]),
-        "lost": _percent(r["lost_fraction"]),
-        "speed": _number(r["real_time_factor"], "x"),
-    }
-
-
-def _degrees(motion: dict[str, Any] | None) -> str:
-    both = motion and motion["p2p_deg"]
-    return f"{max(both):.0f}" if both else "-"
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.0f} %"
-
-
-def _number(value: float | None, unit: str = "") -> str:
-    return "-" if value is None else f"{value:.1f}{unit}"
+def _rivals(
+    scenario: Scenario, instrument: Instrument, seed: int, *, known: bool
+) -> dict[str, Any]:
+    """Return what the path needs, and what the best constant handle scores; None on a bench."""
+    if not known:
+        return {"needed_tip_deg": None, "constant_px": None}
+    path = hindsight(scenario, instrument, seed)
+    return {"needed_tip_deg": list(path.needed_tip_deg), "constant_px": path.constant_px}
 
 
 def _request_values(request: Request) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What is known of a task before a run: margins, floors, and what a constant handle would score."""
+"""What theory says of a run before it is made: margins of a linear law, floor of any law."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 
 from endolock.control.process import HOLD_S, LAG_S, Process
 from endolock.scripts import run
-from endolock.scripts.target_path import hindsight
 from endolock.twin import optics
 from endolock.twin.motion import Random
 from endolock.twin.scenario import Scenario
@@ -17,20 +16,12 @@ PIXEL_NOISE = 0.1
 
 
 def of(request: run.Request) -> dict[str, Any]:
-    """Return what is known of a run's task; None where there is none, as of a bench's path.
-
-    Returns:
-        margins {gain, phase_deg, dead_s} of the law, floor_px, constant_px {as error_px} of the
-        best constant handle in hindsight, needed_tip_deg of both axes.
-    """
+    """Return margins {gain, phase_deg, dead_s} and floor_px of a run; None where there is none."""
     task = run.resolve(request)
     scenario = task.scenario
-    path = None if task.bench else hindsight(scenario, task.instrument, request.seed)
     return {
         "margins": _margins(task.settings, run.process_of(scenario)),
         "floor_px": floor_px(scenario),
-        "constant_px": path and path.constant_px,
-        "needed_tip_deg": path and list(path.needed_tip_deg),
     }
 
 

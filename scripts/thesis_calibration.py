@@ -22,10 +22,10 @@ import numpy as np
 from endolock.control import analysis
 from endolock.control.pi import PISettings
 from endolock.scripts import batch, cli, run, thesis
+from endolock.scripts.batch import FOLLOWED
 from endolock.scripts.output import markdown
 from endolock.scripts.thesis import COLUMNS, STROKE_S, Trace
 from endolock.scripts.thesis_statements import (
-    FOLLOWED,
     GAIN_PX,
     PEAK_PX,
     gain_px,

@@ -13,7 +13,7 @@ from endolock.scripts.thesis import Trace
 NAMES = {"pi": "PI", "pi_hc": "PI + compensation", "ik": "inverse kinematics"}
 COLOURS = {"pi": "#3b6fb6", "pi_hc": "#d1622b", "ik": "#3a8a4d", "compensation": "#9a9a9a"}
 BAND = "#f1e3b8"
-TITLES = {"a": "(a) constant-width model", "b": "(b) twin"}
+TITLES = {"a": "(a) our simulation", "b": "(b) our twin"}
 
 
 def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:

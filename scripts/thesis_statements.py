@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from endolock.hw.api import Vector
 from endolock.scripts import run, thesis
+from endolock.scripts.batch import FOLLOWED
 from endolock.scripts.target_path import hindsight
 from endolock.scripts.thesis import LATENCIES_S, LATENCY_S, LAWS, STROKE_S, Trace
 
@@ -29,8 +30,6 @@ NEAR_S = 1.0
 is derived from them with +- 0.5 s."""
 PEAKS_DIFFER_PX = 10.0
 """T6, T9: peaks that differ by less are alike. Assumed: 5 % of the plots' height."""
-FOLLOWED = 0.5
-"""Share of the motion that the path needs from which on a tip is said to follow it."""
 Traces = Mapping[str, Trace]
 
 
@@ -96,7 +95,7 @@ def gain_px(runs: Traces) -> float:
 def needed_deg() -> float:
     """Motion of a tip that always points at the target of `straight`, from peak to peak [deg]."""
     task = run.resolve(thesis.request("b", "straight", "still"))
-    return max(hindsight(task.scenario, task.instrument, 0).needed_tip_deg)
+    return max(hindsight(task.scenario, task.instrument, seed=0).needed_tip_deg)
 
 
 @statement("T1", basis=CALIBRATED)

@@ -1,0 +1,83 @@
+"""Run records as a table for people, with what a handle that never moves would have scored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import Any
+
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+CONSTANT = "constant: the best that a handle which never moves could do, known in hindsight"
+LONG_NAME = 11
+"""A law with a longer name takes the last column's place in tables."""
+
+
+def table(records: Sequence[dict[str, Any]]) -> Table:
+    """Lay run records out for people.
+
+    Errors are in pixels, *seen* is the rms of what vision saw, *tip* and *handle* are angles from
+    peak to peak of the axis that moved farther, *found* the share of frames in which the target
+    was, *lost* that of the ticks without a lock, *speed* simulated seconds a second. The last
+    row of each scenario is that of the best constant handle.
+    """
+    title = "target off the image centre in px, now and (rms) as seen; tip and handle in deg p-p"
+    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    varied = any(r.get("variation") for r in records)
+    rows = [_cells(record) for record in _with_constants(records)]
+    left_out = {"found", "speed"} if varied else {"variation"}  # all would not fit 80 columns
+    if any(len(record["controller"]) > LONG_NAME for record in records):
+        left_out.add("speed")
+    headings = [name for name in rows[0] if name not in left_out]
+    for heading in headings:
+        left = heading in ("scenario", "law", "variation")
+        result.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    for row in rows:
+        result.add_row(*(row[heading] for heading in headings))
+    return result
+
+
+def _with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Add rows for the best constant handle below the laws of each scenario."""
+    unknown = ("delayed_error_px", "detected_fraction", "lost_fraction", "real_time_factor")
+    nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
+    for _, block in groupby(records, key=lambda record: record["scenario"]):
+        told: list[Any] = [None]  # as of a bench, whose path nobody knows
+        yield from (rows := list(block))
+        for record in rows:
+            if (constant := record["constant_px"]) not in told:
+                told.append(constant)
+                row = {"controller": "constant", "latency_s": None, "error_px": constant}
+                yield record | dict.fromkeys(unknown) | nothing | row
+
+
+def _cells(r: dict[str, Any]) -> dict[str, str]:
+    error, seen = r["error_px"] or {}, r["delayed_error_px"] or {}
+    return {
+        "scenario": escape(r["scenario"]),
+        "law": escape(r["controller"]),
+        "variation": escape(r.get("variation") or "nominal"),
+        "latency": "-" if r["latency_s"] is None else f"{r['latency_s']:.2f} s",
+        **{key: _number(error.get(key)) for key in ("rms", "p95", "max")},
+        "seen": _number(seen.get("rms")),
+        "tip": _degrees(r["tip"]),
+        "handle": _degrees(r["handle"]),
+        "found": _percent(r["detected_fraction"]),
+        "lost": _percent(r["lost_fraction"]),
+        "speed": _number(r["real_time_factor"], "x"),
+    }
+
+
+def _degrees(motion: dict[str, Any] | None) -> str:
+    both = motion and motion["p2p_deg"]
+    return f"{max(both):.0f}" if both else "-"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.1f}{unit}"
