@@ -15,7 +15,7 @@ from endolock.scripts.checks import SHAFTS_DEG, Check, check, hinges, loop, stil
 from endolock.twin import instruments
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.rig import TwinRig
-from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.surrogate import SurrogateRig, Transmission
 
 CHECKS: list[Check] = []
 
@@ -225,9 +225,26 @@ def work_dissipated() -> float:
     why="plays know neither the other axis nor the bend; enough to rank laws",
 )
 def surrogate() -> float:
-    """Drive twin and surrogate alike; how far their bends are apart, rms of both axes [deg]."""
-    plays = rigs.plays_of(Instrument(), 180.0)
-    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", transmission=plays))
+    """Drive twin and surrogate alike."""
+    return apart_from_twin(rigs.plays_of(Instrument(), 180.0))
+
+
+@check(
+    CHECKS,
+    "bend of the quasi-static rig over the same motion",
+    against="the twin",
+    unit="deg rms",
+    high=0.5,
+    why="no inertia, no gravity, a bend that lags by one step of 10 ms",
+)
+def quasi_static() -> float:
+    """Drive twin and quasi-static rig alike."""
+    return apart_from_twin(rigs.wires_of(Instrument(), 180.0))
+
+
+def apart_from_twin(transmission: Transmission) -> float:
+    """Drive twin and a model alike; how far their bends are apart, rms of both axes [deg]."""
+    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", transmission=transmission))
     random = np.random.default_rng(0)
     t = np.arange(0.0, 40.0, 0.02)
     goals = np.zeros((len(t), 2))

@@ -112,12 +112,15 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     told: dict[tuple[Any, ...], Any] = {}  # the first of each, which is nominal
     for r in records:
         told.setdefault((r["controller"], r["scenario"], r["latency_s"]), r["margins"])
-    return [
-        f"{law} on {scenario}, {latency:.2f} s: gain margin {m['gain']:.1f}, phase margin "
-        f"{m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
-        for (law, scenario, latency), m in told.items()
-        if m
-    ]
+    alike: dict[str, list[str]] = {}
+    for (law, scenario, latency), m in told.items():
+        if m:
+            text = (
+                f"{law}, {latency:.2f} s: gain margin {m['gain']:.1f}, phase margin "
+                f"{m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
+            )
+            alike.setdefault(text, []).append(scenario)
+    return [f"{text} on {', '.join(scenarios)}" for text, scenarios in alike.items()]
 
 
 def _needs(records: Sequence[dict[str, Any]]) -> list[str]:

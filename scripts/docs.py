@@ -28,9 +28,11 @@ from endolock.scripts import (
     identify,
     internal_models,
     questions,
+    record_table,
     run,
     strip,
     thesis,
+    thesis_calibration,
     thesis_figures,
     thesis_statements,
     verification,
@@ -46,13 +48,19 @@ PICTURED = ("straight", "circle", "close", "endoscope", "rest")
 """Scenarios run with pictures; the others' tables take the exact projections."""
 STRIPS = {"straight": "strip.png", "endoscope": "endoscope.png"}
 """Runs with `pi` of which pictures are shown."""
-HEADINGS = ("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px", "lost")
+COMPARED = ("still", "pi", "ik")
+HEADINGS = (
+    *("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px"),
+    *("tip deg", "handle deg", "lost"),
+)
 HEAD = """# Results
 
 Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
 *rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
-old. The laws are our reproductions of two of the thesis' on the twin; nothing here was measured on
-an endoscope.
+old; *tip* and *handle* are their motion from peak to peak, on the axis that moved farther. `pi` and
+`ik` are our reproductions of two of the thesis' laws on the twin; `still` holds the handles where
+they begin, *constant* is the best that a handle which never moves could do, known in hindsight.
+Nothing here was measured on an endoscope.
 """
 WITHOUT_PICTURES = """## Every scenario, without pictures
 
@@ -97,13 +105,13 @@ def main(_args: list[str]) -> int:
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
 
     records, fast = [], []
-    for name, law in product(PICTURED, ("pi", "ik")):
+    for name, law in product(PICTURED, COMPARED):
         with tempfile.TemporaryDirectory() as place:
             record, folder = _run(name, law, "markers", Path(place) / "run")
             records.append(record)
             if law == "pi" and name in STRIPS:
                 shutil.copy(strip.write(folder, folder / "strip.png"), ROOT / "docs" / STRIPS[name])
-    for name, law in product(scenario.names(), ("pi", "ik")):
+    for name, law in product(scenario.names(), COMPARED):
         with tempfile.TemporaryDirectory() as place:
             fast.append(_run(name, law, "truth", Path(place) / "run")[0])
     text = f"{HEAD}\n{_markdown(records)}\n{WITHOUT_PICTURES}\n{_markdown(fast)}"
@@ -193,6 +201,7 @@ def answered() -> None:
     folder.mkdir(exist_ok=True)
     for picture in thesis_figures.draw(runs, folder):
         picture.with_suffix(".csv").unlink()  # the command writes them
+    text = _between(text, "calibration", thesis_calibration.table())
     text = _between(text, "thesis", thesis.markdown(thesis_statements.ask(runs)))
     folder = ROOT / "docs" / "control"
     folder.mkdir(exist_ok=True)
@@ -224,15 +233,19 @@ def _run(name: str, law: str, eyes: str, place: Path) -> tuple[dict[str, Any], P
 
 def _markdown(records: list[dict[str, Any]]) -> str:
     lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "--:|" * (len(HEADINGS) - 2)]
-    for r in records:
-        error = r["error_px"]
+    for r in record_table.with_constants(records):
+        error, seen, vision = (
+            r[key] or {} for key in ("error_px", "delayed_error_px", "vision_error_px")
+        )
+        lost = r["lost_fraction"]
         cells = [
             r["scenario"],
             r["controller"],
             *(f"{error[key]:.1f}" for key in ("rms", "p95", "max")),
-            f"{r['delayed_error_px']['rms']:.1f}",
-            f"{r['vision_error_px']['rms']:.2f}",
-            f"{100 * r['lost_fraction']:.1f} %",
+            f"{seen['rms']:.1f}" if seen else "",
+            f"{vision['rms']:.2f}" if vision else "",
+            *(f"{max(r[what]['p2p_deg']):.0f}" for what in ("tip", "handle")),
+            "" if lost is None else f"{100 * lost:.1f} %",
         ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

@@ -12,7 +12,7 @@ from rich.table import Table
 
 CONSTANT = "constant: the best that a handle which never moves could do, known in hindsight"
 LONG_NAME = 11
-"""A law with a longer name takes the last column's place in tables."""
+"""A law with a longer name takes the place of two columns: a table has 80 characters."""
 
 
 def table(records: Sequence[dict[str, Any]]) -> Table:
@@ -23,13 +23,19 @@ def table(records: Sequence[dict[str, Any]]) -> Table:
     was, *lost* that of the ticks without a lock, *speed* simulated seconds a second. The last
     row of each scenario is that of the best constant handle.
     """
-    title = "target off the image centre in px, now and (rms) as seen; tip and handle in deg p-p"
+    latencies = {record["latency_s"] for record in records}
+    title = escape("error [px], now and as seen; tip, handle p-p [deg]")
+    if len(latencies) == 1:
+        title += f"; latency {latencies.pop():.2f} s"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    varied = any(r.get("variation") for r in records)
-    rows = [_cells(record) for record in _with_constants(records)]
-    left_out = {"found", "speed"} if varied else {"variation"}  # all would not fit 80 columns
+    rows = [_cells(record) for record in with_constants(records)]
+    left_out = set() if latencies else {"latency"}  # all would not fit 80 characters
+    if any(record.get("variation") for record in records):
+        left_out |= {"p95", "seen", "found", "speed"}
+    else:
+        left_out.add("variation")
     if any(len(record["controller"]) > LONG_NAME for record in records):
-        left_out.add("speed")
+        left_out |= {"found", "speed"}
     headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
@@ -39,18 +45,22 @@ def table(records: Sequence[dict[str, Any]]) -> Table:
     return result
 
 
-def _with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Add rows for the best constant handle below the laws of each scenario."""
-    unknown = ("delayed_error_px", "detected_fraction", "lost_fraction", "real_time_factor")
+def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Add rows for the best constant handle below the laws of each scenario.
+
+    Args:
+        records: run records, one scenario after another; those of a bench get none.
+    """
+    unknown = ("delayed_error_px", "vision_error_px", "detected_fraction", "lost_fraction")
     nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
     for _, block in groupby(records, key=lambda record: record["scenario"]):
-        told: list[Any] = [None]  # as of a bench, whose path nobody knows
+        told: list[Any] = [None]  # that of a bench is not known
         yield from (rows := list(block))
         for record in rows:
             if (constant := record["constant_px"]) not in told:
                 told.append(constant)
                 row = {"controller": "constant", "latency_s": None, "error_px": constant}
-                yield record | dict.fromkeys(unknown) | nothing | row
+                yield record | dict.fromkeys((*unknown, "real_time_factor")) | nothing | row
 
 
 def _cells(r: dict[str, Any]) -> dict[str, str]:
@@ -80,4 +90,5 @@ def _percent(share: float | None) -> str:
 
 
 def _number(value: float | None, unit: str = "") -> str:
-    return "-" if value is None else f"{value:.1f}{unit}"
+    """Write a number with one decimal, or whole where that would be a fourth digit."""
+    return "-" if value is None else f"{value:.{1 if abs(value) < 99.95 else 0}f}{unit}"

@@ -9,6 +9,7 @@ is estimated from the misfit of 2n coordinates to 6 parameters.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple
 
 import cv2
@@ -111,26 +112,28 @@ class MarkerEyes:
         Returns:
             Where the target is, or why this is no picture of the board.
         """
-        left = list(markers)
-        rms = 0.0
-        while len(left) >= MIN_MARKERS:
-            pixels = np.concatenate([corners for corners, _ in left])
-            points = np.concatenate([self._corners[i] for _, i in left])
-            pose = board_pose.fit(self._calibration, points, pixels)
-            if pose is None:
-                return "no board pose fits the markers"
-            squared = (pose.misfit**2).sum(axis=1)
-            rms = float(np.sqrt(squared.mean()))
-            if rms <= MAX_RESIDUAL_PX:
-                return self._fit(pose)
-            if len(left) == MIN_MARKERS or len(left) < len(markers) - 1:
-                break
-            worst = int(squared.reshape(-1, 4).sum(axis=1).argmax())
-            del left[worst]
         if len(markers) < MIN_MARKERS:
             noun = "marker" if len(markers) == 1 else "markers"
             return f"{len(markers)} {noun} found, {MIN_MARKERS} needed"
-        return f"markers misfit the board by {rms:.1f} px rms, {MAX_RESIDUAL_PX} allowed"
+        rms, pose = self._pose(markers)
+        if rms > MAX_RESIDUAL_PX and len(markers) > MIN_MARKERS:
+            # A false one may spoil the start of the fit altogether, so each is left out in turn.
+            others = [[*markers[:n], *markers[n + 1 :]] for n in range(len(markers))]
+            rms, pose = min((self._pose(some) for some in others), key=lambda found: found[0])
+        if pose is None:
+            return "no board pose fits the markers"
+        if rms > MAX_RESIDUAL_PX:
+            return f"markers misfit the board by {rms:.1f} px rms, {MAX_RESIDUAL_PX} allowed"
+        return self._fit(pose)
+
+    def _pose(self, markers: Sequence[Marker]) -> tuple[float, BoardPose | None]:
+        """Fit a pose to all of these; return its misfit, rms [px], infinite where there is none."""
+        pixels = np.concatenate([corners for corners, _ in markers])
+        points = np.concatenate([self._corners[i] for _, i in markers])
+        pose = board_pose.fit(self._calibration, points, pixels)
+        if pose is None:
+            return inf, None
+        return float(np.sqrt((pose.misfit**2).sum(axis=1).mean())), pose
 
     def _fit(self, pose: BoardPose) -> Fit | str:
         seen, pixel, gain = pose.place(self._calibration, self.target)

@@ -9,9 +9,11 @@ import pytest
 
 from endolock.control.hysteresis import play
 from endolock.control.hysteresis_compensation import CompensationSettings, Direction, follow
+from endolock.scripts import batch, run
 
 DT = 0.02
 WIDTH = 0.2
+SHAFT = {"pretensioned": (), "thesis": ("shaft_bend_deg=0",)}
 HALF = WIDTH * pi / 2  # half of 0.2 of 180 deg
 
 
@@ -54,6 +56,36 @@ def test_switched_off_early_there_is_none_at_low_speed() -> None:
     settings = CompensationSettings(form="sign", switch_off_rad_s=0.1)
     assert course(settings, ramp(0.05))[-1] == 0.0
     assert course(settings, ramp(0.3))[-1] == pytest.approx(HALF)
+
+
+@pytest.mark.parametrize("form", ["sign", "ramp"])
+def test_what_is_slower_than_the_switch_off_rests(form: str) -> None:
+    """No sign is taken from noise: with sign there is none, a ramp stays where it was."""
+    settings = CompensationSettings(form=form)  # type: ignore[arg-type]
+    slow = 0.9 * settings.switch_off_rad_s
+    wanted = slow * DT * np.cumsum((-1.0) ** (np.arange(300) // 50))
+    assert np.abs(course(settings, wanted)).max() == 0.0
+
+
+@pytest.mark.parametrize("instrument", ["pretensioned", "thesis"])
+def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_off(
+    instrument: str,
+) -> None:
+    moved = {}
+    for speed in (1e-4, CompensationSettings().switch_off_rad_s):
+        request = run.Request(
+            scenario="straight",
+            controller="pi_hc",
+            instrument=instrument,
+            vision="truth",
+            vary=(f"law.switch_off_rad_s={speed}", "camera.truth_noise_px=1.0", *SHAFT[instrument]),
+            force=True,
+        )
+        (one,) = batch.all_of([request])
+        moved[speed] = one.record["handle"]["p2p_deg"][0]
+    # With sign and w = 0.2 it used to ring by 18 deg to either side; noise alone moves it by 0.7.
+    assert moved[1e-4] > 30
+    assert moved[CompensationSettings().switch_off_rad_s] < 1.0
 
 
 def test_a_ramp_takes_its_time_and_stays_where_motion_ends() -> None:

@@ -26,11 +26,12 @@ GROUPS = {
     "error_deg": {"rms", "max"},
     "delayed_error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
     "vision_error_px": {"rms", "max"},
-    "handle": {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s"},
+    "handle": {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg"},
+    "tip": {"p2p_deg", "travel_deg"},
 }
 SINGLE = {"frames", "frames_dropped", "detected_fraction", "lost_fraction", "time_to_lock_s"}
 SINGLE |= {"overruns", "blur_px"}
-TRUE_ERRORS = {"error_px", "error_deg", "vision_error_px"}
+TRUE = {"error_px", "error_deg", "vision_error_px", "tip"}
 
 POSE = Pose(t=0.0, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0))
 PLANT = Plant(
@@ -121,7 +122,7 @@ def test_every_score_has_its_place(known: bool) -> None:
     sample = truth(5.0) if known else None
     result = score([tick(n * PERIOD_S, sample) for n in range(200)], [frame(1.0, 5.0, sample)])
     assert set(result) == SINGLE | set(GROUPS)
-    unknown = set() if known else TRUE_ERRORS
+    unknown = set() if known else TRUE
     assert {name for name in GROUPS if result[name] is None} == unknown
     found = {name: set(result[name]) for name in GROUPS if name not in unknown}
     assert found == {name: keys for name, keys in GROUPS.items() if name not in unknown}
@@ -177,7 +178,7 @@ def test_time_to_lock(px: list[float], locked_s: float | None) -> None:
 def test_without_truth_only_the_delayed_error_is_known() -> None:
     ticks = [tick(n * PERIOD_S) for n in range(200)]
     result = score(ticks, [frame(n * 0.04, 40.0, None) for n in range(100)])
-    for name in TRUE_ERRORS:
+    for name in TRUE:
         assert result[name] is None
     assert result["time_to_lock_s"] is None
     assert result["blur_px"] is None
@@ -254,6 +255,20 @@ def test_a_ripple_below_the_resolution_is_no_reversal() -> None:
     # One sign change a tick, but for the first, which sets the direction.
     shaking = placed(lambda t: large * (round(t / PERIOD_S) % 2), 4.0)["reversals_per_s"]
     assert shaking == pytest.approx(199 / 4)
+
+
+def test_how_far_tip_and_handles_move_on_each_axis() -> None:
+    swing = [np.radians(30 * n / 50 if n <= 50 else 30 - 24 * (n - 50) / 50) for n in range(101)]
+    ticks = []
+    for n, angle in enumerate(swing):
+        plant = replace(PLANT, bend_rad=(angle, -angle / 2))
+        sample = replace(truth(0.0), plant=plant)
+        ticks.append(tick(n * PERIOD_S, sample, position=(0.0, 2 * angle)))
+    result = score(ticks)
+    assert result["tip"]["p2p_deg"] == pytest.approx([30, 15])
+    assert result["tip"]["travel_deg"] == pytest.approx([54, 27])  # 30 there, 24 back
+    assert result["handle"]["p2p_deg"] == pytest.approx([0, 60])
+    assert score(ticks, from_s=1.0)["tip"]["p2p_deg"] == pytest.approx([24, 12])  # scored part
 
 
 def test_blur_is_the_motion_within_an_exposure() -> None:

@@ -34,10 +34,13 @@ RUN_KEYS = [
     "delayed_error_px",
     "vision_error_px",
     "handle",
+    "tip",
     "blur_px",
+    "needed_tip_deg",
+    "constant_px",
 ]
 ERROR_KEYS = {"rms", "p95", "max", "mean", "within_20", "within_50"}
-HANDLE_KEYS = {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s"}
+HANDLE_KEYS = {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg"}
 QUICK = ["run", "circle", "--vision", "truth", "--duration-s", "1.5"]
 
 

@@ -9,16 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from endolock.control import kinematics, loop, metrics
+from endolock.control import kinematics, laws, loop, metrics
 from endolock.control.hysteresis import ONE_PLAY, Hysteresis, Plays
 from endolock.control.kinematics import SectionGeometry
-from endolock.control.pi import PI
 from endolock.hw.api import Command, ConfigError, Pose
 from endolock.scripts import rigs
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
-from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.surrogate import Follower, SurrogateRig
 from endolock.vision import camera_model
 from endolock.vision.truth import TruthEyes
 
@@ -83,18 +82,51 @@ def test_what_it_does_not_know_it_refuses(name: str) -> None:
         SurrogateRig(name, transmission=ONE_PLAY)
 
 
+LAWS = ("pi", "pi_simc", "ik_sync")
+
+
+def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
+    """Rms error of a law from 10 to 30 s [px]."""
+    with rig:
+        rig.clock.sleep_until(0.0)
+        camera = rig.camera.calibration
+        run = loop.run(rig, TruthEyes(rig.truth), laws.make(law, camera), duration_s=30.0)
+        return float(metrics.score(run, camera, 10.0)["error_px"]["rms"])
+
+
 @pytest.mark.parametrize("name", ["straight", "circle"])
-def test_a_law_does_on_it_about_what_it_does_on_the_twin(name: str) -> None:
-    plays = rigs.plays_of(Instrument(), 180.0)
-    rms = []
-    for rig in (TwinRig(name, pictures=False), SurrogateRig(name, transmission=plays)):
-        with rig:
-            rig.clock.sleep_until(0.0)
-            camera = rig.camera.calibration
-            run = loop.run(rig, TruthEyes(rig.truth), PI(camera), duration_s=30.0)
-            rms.append(metrics.score(run, camera, 10.0)["error_px"]["rms"])
-    # It is there for ranking laws, which differ by tens of per cent.
-    assert rms[1] == pytest.approx(rms[0], rel=0.1)
+def test_laws_do_on_it_about_what_they_do_on_the_twin(name: str) -> None:
+    plays, wires = rigs.plays_of(Instrument(), 180.0), rigs.wires_of(Instrument(), 180.0)
+    twin = {law: scored(TwinRig(name, pictures=False), law) for law in LAWS}
+    # The same wires without inertia and gravity: 2 % measured.
+    near = {law: scored(SurrogateRig(name, transmission=wires), law) for law in LAWS}
+    assert near == pytest.approx(twin, rel=0.05)
+    # Plays know neither the other axis nor the bend. They are there for ranking laws, which differ
+    # by tens of per cent; `pi`, whose gain margin is 1.5, makes most of it: 15 % measured.
+    rough = {law: scored(SurrogateRig(name, transmission=plays), law) for law in LAWS}
+    assert sorted(LAWS, key=rough.__getitem__) == sorted(LAWS, key=twin.__getitem__)
+    assert rough == pytest.approx(twin, rel=0.2)
+
+
+def test_wires_widen_the_loop_with_the_bend_of_the_other_axis() -> None:
+    wires = rigs.wires_of(Instrument(), 180.0)
+    widths = []
+    for other in (0.0, 1.0):
+        axes = wires.at_rest()
+        for n in range(101):
+            axes.follow((0.0, other * n / 100))
+
+        def turn(start: float, end: float, at: Follower = axes, held: float = other) -> float:
+            """Turn a handle; return where the bend passes the middle [rad]."""
+            course = np.linspace(start, end, 121).tolist()
+            bends = [at.follow((handle, held))[0] for handle in course]
+            pairs = sorted(zip(bends, course, strict=True))
+            return float(np.interp(0.0, *np.transpose(pairs)))
+
+        turn(0.0, 1.2)
+        down, up = turn(1.2, -1.2), turn(-1.2, 1.2)
+        widths.append(up - down)
+    assert widths[1] > 1.15 * widths[0] > 0  # the model card's bound for the twin, at 60 deg
 
 
 def test_plays_of_an_instrument_without_friction_have_no_width() -> None:

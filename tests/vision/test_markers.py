@@ -103,6 +103,26 @@ def test_markers_that_do_not_fit_the_board_are_refused() -> None:
     assert "markers misfit the board by" in observation.why
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_one_false_marker_among_many_is_left_out(seed: int) -> None:
+    """Texture at the edge of a picture can look like a marker of the board."""
+    rig = TwinRig("rest", pictures=False)
+    camera = rig.camera.calibration
+    eyes = MarkerEyes(camera, rig.board)
+    random = np.random.default_rng(seed)
+    own = []
+    for marker, corners in rig.board.corners().items():
+        points = corners + [0.01, -0.02, 0.14]
+        own.append((np.array([camera_model.project(camera, point) for point in points]), marker))
+    false = int(random.integers(len(own)))
+    spot = random.uniform([0, 0], [camera.width, camera.height])
+    own[false] = (spot + random.uniform(-20, 20, (4, 2)), own[false][1])
+    fit = eyes.fit(own)
+    assert not isinstance(fit, str)
+    truth = camera_model.project(camera, np.array([0.01, -0.02, 0.14]))
+    assert fit.pixel == pytest.approx(truth, abs=1e-3)  # what is left has no noise
+
+
 def test_a_frame_of_another_size_is_refused() -> None:
     frame, eyes = _head_on()
     observation = eyes(_with(frame, np.zeros((240, 320, 3), np.uint8)))

@@ -1,0 +1,28 @@
+"""What draws the pictures: in CI it must be EGL, not whatever else happens to be installed."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+import endolock
+from endolock.twin import scenario
+from endolock.twin.studio import Place, Studio
+
+
+def egl_is_current() -> bool:
+    """Whether this thread draws into a context of EGL."""
+    if endolock.opengl() != "egl":
+        return False
+    from OpenGL import EGL  # fails to load where MuJoCo was told to use another one
+
+    return bool(EGL.eglGetCurrentContext())
+
+
+def test_in_ci_pictures_come_through_egl() -> None:
+    with Studio(scenario.load("rest")) as studio:
+        image = studio.take(Place((0.0, 0.0, 0.12))).frame.image
+        assert image is not None
+        assert np.std(image) > 10  # the board is on it
+        assert egl_is_current() or not os.environ.get("CI")
