@@ -4,7 +4,8 @@ Where a play of full width w lies between handle and tip, the tip follows v if t
 v + (w/2) s, with s = +-1 the direction in which v moves. The thesis' width is 0.2 (eq. 4.5, unit
 not stated; taken as a share of 180 deg), and its form is not in the excerpt. Forms of s here:
 
-    sign    of the speed of v; 0 while that is slower than `switch_off_rad_s`
+    sign    of the speed of v; 0 from where that is slower than `switch_off_rad_s` until it is
+            twice as fast, so that noise does not switch it to and fro
     play    (v - z)/r, with z the play of half-width r = `reversal_rad` behind v
     ramp    as sign, but it takes `ramp_s` from one side to the other, and stays where v rests
     smooth  tanh(speed of v / `smooth_rad_s`)
@@ -20,7 +21,7 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite, pi, tanh
+from math import copysign, isfinite, pi, tanh
 from typing import Literal
 
 from endolock.control.kinematics import Pair
@@ -29,6 +30,8 @@ from endolock.control.pi_simc import SimcMemory, SimcPI, SimcSettings
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation
 
+ON_OVER_OFF = 2.0
+"""v moves again from so many times the speed below which it rests [1]. Assumed."""
 SPEED_S = 0.08
 """Time constant of the speed of v [s]: two frames; without it each frame is a step. Assumed."""
 
@@ -42,7 +45,7 @@ class CompensationSettings:
     width: float = 0.2
     """Full loop width w at the handle, as a share of 180 deg [1], >= 0. Source: 0.2, thesis
     ch. 6; unit assumed."""
-    switch_off_rad_s: float = 0.02
+    switch_off_rad_s: float = 0.01
     """sign, ramp: a slower v rests [rad/s], >= 0. That there is a switch-off: thesis, fig. 6.8.
     Its size: of 0.005, 0.01, 0.02 and 0.05 the smallest with which an axis whose target rests does
     not ring at 1 px of noise, ten times that of markers (scripts/thesis_calibration.py)."""
@@ -74,6 +77,8 @@ class Direction:
     """z of the play form [rad]."""
     side: float = 0.0
     """s [1]."""
+    moving: bool = False
+    """Whether v does not rest."""
 
 
 def follow(
@@ -92,8 +97,9 @@ def follow(
         share = dt / (SPEED_S + dt)
         direction.speed += share * ((now - before) / dt - direction.speed)
     speed, reach = direction.speed, settings.reversal_rad
-    rest = settings.switch_off_rad_s
-    sign = float((speed > rest) - (speed < -rest))
+    rest = settings.switch_off_rad_s * (1.0 if direction.moving else ON_OVER_OFF)
+    direction.moving = abs(speed) > rest
+    sign = copysign(direction.moving, speed)
     direction.behind = min(max(direction.behind, now - reach), now + reach)
     match settings.form:
         case "sign":

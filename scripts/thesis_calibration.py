@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,8 +42,10 @@ LEAST_MARGIN = 1.5
 """Gain margin that every law leaves as it comes."""
 NOISE_PX = 1.0
 """Ten times that of markers (docs/vision.md)."""
-RESTS_DEG = 1.0
-"""A handle that moves by less rests: noise of 1 px alone moves it by about 0.7 deg."""
+RESTS_DEG = 2.0
+"""A handle that moves by less rests: noise of 1 px alone moves it by 0.4 to 1.0 deg."""
+SEEDS = tuple(range(6))
+"""Of that noise; the worst counts."""
 SHOWN = 6
 """Rows of the table of gains."""
 
@@ -118,14 +121,19 @@ def rates() -> dict[float, tuple[str, bool]]:
 
 
 def switch_offs() -> dict[float, float]:
-    """Return how far the resting axis' handle moves with each switch-off [deg]."""
+    """Return how far the resting axis' handle moves at most with each switch-off [deg]."""
     noise = f"camera.truth_noise_px={NOISE_PX}"
     asked = [
-        thesis.request("b", "straight", "pi_hc", (f"law.switch_off_rad_s={speed}", noise))
+        replace(
+            thesis.request("b", "straight", "pi_hc", (f"law.switch_off_rad_s={speed}", noise)),
+            seed=seed,
+        )
         for speed in SWITCH_OFF_RAD_S
+        for seed in SEEDS
     ]
-    moved = [float(np.ptp(trace.handle[:, 0])) for trace in _traces(asked)]
-    return dict(zip(SWITCH_OFF_RAD_S, moved, strict=True))
+    moved = np.array([np.ptp(trace.handle[:, 0]) for trace in _traces(asked)])
+    worst = moved.reshape(len(SWITCH_OFF_RAD_S), len(SEEDS)).max(axis=1).tolist()
+    return dict(zip(SWITCH_OFF_RAD_S, worst, strict=True))
 
 
 def table() -> str:
@@ -146,7 +154,8 @@ def table() -> str:
     rows = [[f"{rate:g}/s", got, "yes" if ok else "no"] for rate, (got, ok) in rates().items()]
     text += "\n" + markdown(["rate of `ik`", "T4, our twin", "holds"], rows)
     rows = [[f"{speed:g} rad/s", f"{moved:.1f} deg"] for speed, moved in switch_offs().items()]
-    return text + "\n" + markdown(["switch-off", "handle of the resting axis, p-p"], rows)
+    head = ["switch-off", f"handle of the resting axis, p-p, worst of {len(SEEDS)} seeds"]
+    return f"{text}\n{markdown(head, rows)}"
 
 
 def _traces(requests: list[run.Request]) -> list[Trace]:

@@ -58,6 +58,16 @@ def test_switched_off_early_there_is_none_at_low_speed() -> None:
     assert course(settings, ramp(0.3))[-1] == pytest.approx(HALF)
 
 
+def test_a_speed_near_the_switch_off_does_not_switch_it_to_and_fro() -> None:
+    """Frames come in steps, so the speed has a ripple; by up to a third it may pass unseen."""
+    settings = CompensationSettings(form="sign")
+    speeds = settings.switch_off_rad_s * (1 + 0.3 * (-1.0) ** np.arange(300))
+    for start in (0.0, 0.3):  # from rest, and from a quick motion
+        wanted = np.cumsum(DT * np.concatenate([np.full(50, start), speeds]))
+        side = np.sign(course(settings, wanted))[50:]
+        assert np.count_nonzero(np.diff(side)) <= 1
+
+
 @pytest.mark.parametrize("form", ["sign", "ramp"])
 def test_what_is_slower_than_the_switch_off_rests(form: str) -> None:
     """No sign is taken from noise: with sign there is none, a ramp stays where it was."""
@@ -83,9 +93,9 @@ def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_o
         )
         (one,) = batch.all_of([request])
         moved[speed] = one.record["handle"]["p2p_deg"][0]
-    # With sign and w = 0.2 it used to ring by 18 deg to either side; noise alone moves it by 0.7.
+    # With sign and w = 0.2 it rings by 18 deg to either side; noise alone moves it by 0.4 to 1.0.
     assert moved[1e-4] > 30
-    assert moved[CompensationSettings().switch_off_rad_s] < 1.0
+    assert moved[CompensationSettings().switch_off_rad_s] < 1.5
 
 
 def test_a_ramp_takes_its_time_and_stays_where_motion_ends() -> None:
