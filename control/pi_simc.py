@@ -1,4 +1,4 @@
-"""PI with gains by the SIMC rules: the fair baseline, for the thesis-like gains are far too low.
+"""PI with gains by the SIMC rules, tuned to the distance and to the latency that is met.
 
 The rules want gain, lag and dead time of the loop. The gain follows from the section's lengths and
 the assumed distance, the dead time from the age of the frames themselves, so the law is tuned for

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from endolock.control import laws
 from endolock.scripts import docs
 from endolock.twin import generate
 
 ROOT = Path(__file__).parents[1]
+NOT_SIMPLE = {"predictive", "predictive_bank", "oracle", "repetitive"}
+"""They identify or know the transmission, or know the period."""
 
 
 def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
@@ -17,17 +20,38 @@ def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert 0 < float(capsys.readouterr().out) < 640  # an error within the picture
 
 
-@pytest.mark.parametrize("law", ["pi", "ik"])
+@pytest.mark.parametrize("law", ["still", "pi", "ik", "constant"])
 def test_the_readme_shows_the_measured_table(law: str) -> None:
     measured = _row(ROOT / "docs/results.md", f"| straight | {law}")
     shown = _row(ROOT / "README.md", f"| straight | {law}")
-    assert shown == ["0.40", *measured[:4], measured[-1]]  # the latency, and no error of vision
+    assert shown == [*measured[:6], *measured[7:]]  # without the error of vision
+
+
+def test_the_readme_compares_with_what_moves_as_the_benchmark_has_it() -> None:
+    text = " ".join((ROOT / "README.md").read_text().split())
+    promised = re.search(
+        r"On `straight` it is at ([\d.]+) px, .* `(\w+)`, at ([\d.]+) px and the best constant handle "
+        r"at ([\d.]+) px; on `circle` at ([\d.]+) px against ([\d.]+) \(`(\w+)`\) and ([\d.]+) px",
+        text,
+    )
+    assert promised
+    own, law, best, constant, own_circle, best_circle, law_circle, constant_circle = promised.groups()
+    page = ROOT / "docs/benchmark.md"
+    head = _row(page, "| scenario")
+    simple = [name for name in laws.LAWS if name not in NOT_SIMPLE]
+    for name, shown in (
+        ("straight", (own, law, best, constant)),
+        ("circle", (own_circle, law_circle, best_circle, constant_circle)),
+    ):
+        told = dict(zip(head, _row(page, f"| {name} |"), strict=True))
+        least = min(simple, key=lambda law: float(told[law]))
+        assert shown == (told["predictive_bank"], least, told[least], told["constant"])
 
 
 def _row(document: Path, start: str) -> list[str]:
-    """Figures of the first table row that starts so; rows of runs without pictures come later."""
+    """Cells of the first table row that starts so; rows of runs without pictures come later."""
     row, *_ = [line for line in document.read_text().splitlines() if line.startswith(start)]
-    return re.findall(r"\d+\.\d+", row)
+    return [cell.strip() for cell in row.strip("|").split("|")]
 
 
 def test_links_in_documents_lead_somewhere() -> None:
