@@ -31,7 +31,7 @@ from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation
 
 ON_OVER_OFF = 2.0
-"""v moves again from so many times the speed below which it rests [1]. Assumed."""
+"""Speed at which v counts as moving again, over the speed below which it rests [1]. Assumed."""
 SPEED_S = 0.08
 """Time constant of the speed of v [s]: two frames; without it each frame is a step. Assumed."""
 

@@ -91,7 +91,8 @@ def configure(
         if key not in names:
             near = get_close_matches(key, names, 1)
             hint = f"; did you mean law.{near[0]}?" if near else ""
-            raise ConfigError(f"{name} has no law.{key}; it has {', '.join(sorted(names))}{hint}")
+            choice = f"it has {', '.join(sorted(names))}" if names else "nothing of it can be set"
+            raise ConfigError(f"{name} has no law.{key}; {choice}{hint}")
     values = {k: v for k, v in (known or {}).items() if k in names} | dict(changes or {})
     try:
         return TypeAdapter(settings).validate_python(values)

@@ -36,9 +36,9 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
     Args:
         run: its ticks and frames.
         calibration: of the tip camera; gives the image centre.
-        scored_from_s: errors, `handle` and `blur_px` leave out what is earlier, counted from the
-            first tick [s]; the counts and shares of frames, the lost share and the time to lock
-            are of the whole run.
+        scored_from_s: errors, `handle`, `tip` and `blur_px` leave out what is earlier, counted
+            from the first tick [s]; the counts and shares of frames, the lost share and the time
+            to lock are of the whole run.
 
     Returns:
         Plain numbers by name; None where there is nothing to measure them by. On a bench, which

@@ -5,8 +5,8 @@ With e = (-(v - cy), u - cx) / f, the target's offset above and right of the cen
     handle = kp e + I,    I' = ki e,
 
 on both axes alike. The error is held between frames; while the target is not seen, it is nothing.
-I starts at the handle angle, where the tip is when the lock is switched on. The gains hold for one
-distance only: a handle moves the picture of a close target more.
+I starts at the present handle angle, so that nothing jumps. The gains hold for one distance only: a
+handle moves the picture of a close target more.
 
 Reference:
     S. D. Frijnts, Design of a target lock for an endoscope using TeleFLEX, University of Twente,
@@ -31,7 +31,7 @@ class PISettings:
     """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, on the thesis' stroke peaks
     and what compensation gains, for 12 cm, among gains with which the tip follows and that leave
     a gain margin of 1.5 (scripts/thesis_calibration.py); its own gains are not in the excerpt."""
-    ki: float = 1.8
+    ki: float = 1.6
     """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""
 
     def __post_init__(self) -> None:

@@ -16,8 +16,11 @@ from endolock.hw.api import ConfigError, Vector
 from endolock.scripts import recorder, run
 
 WORKERS = 2
-FOLLOWED = 0.5
-"""Share of the motion that the path needs from which on a tip is said to follow it. Assumed."""
+FOLLOWED = (0.5, 1.5)
+"""A tip follows if its motion is within these shares of what the path needs [1]: below them it is
+parked, above them it rings. Assumed."""
+LEAST_NEED_DEG = 1.0
+"""An axis that needs less is not asked to follow [deg]."""
 Made = TypeVar("Made")
 
 
@@ -49,8 +52,14 @@ class Done(NamedTuple):
 
     @property
     def follows(self) -> bool:
-        """Whether the tip moves by half of what the path needs, or more; else it is parked."""
-        return self.tip_deg >= FOLLOWED * self.needed_deg
+        """Whether the tip moves on each axis about as far as the path needs, never losing it."""
+        low, high = FOLLOWED
+        moved, needed = self.record["tip"]["p2p_deg"], self.record["needed_tip_deg"]
+        return self.record["lost_fraction"] < 0.01 and all(
+            low * need <= moves <= high * need
+            for moves, need in zip(moved, needed, strict=True)
+            if need >= LEAST_NEED_DEG
+        )
 
     @property
     def constant_px(self) -> float:
@@ -99,9 +108,16 @@ def each(
 
 def all_of(requests: Sequence[run.Request]) -> list[Done]:
     """Carry out runs, all of which must be possible."""
-    done = [one for one in perform(requests) if one is not None]
-    assert len(done) == len(requests)
-    return done
+    return each_of(requests, _course)
+
+
+def each_of(
+    requests: Sequence[run.Request], read: Callable[[dict[str, Any], Path], Made]
+) -> list[Made]:
+    """As `each`, for runs all of which must be possible."""
+    made = [one for one in each(requests, read) if one is not None]
+    assert len(made) == len(requests)
+    return made
 
 
 def _one(request: run.Request, read: Callable[[dict[str, Any], Path], Made]) -> Made | None:

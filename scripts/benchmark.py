@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from math import ceil
 
 from endolock.scripts import batch, output, run, theory, variation
@@ -29,9 +30,10 @@ Written by `./run docs`, within {minutes} minutes on two cores. Rms of the true 
 f = 262 px, 0.4 s of latency unless stated, 100 s of which the last 50 are scored, seed 0, exact
 projections instead of pictures, on a simulated plant: none of this was measured on an endoscope.
 `still` holds the handles where they begin, and *constant* is the best that a handle which never
-moves could do, known in hindsight: a law that beats neither is worth nothing there. `oracle` knows
-the truth and has no latency: it is a floor, no law. *lost* stands where the target was out of sight
-for more than 1 % of the time.
+moves could do, known in hindsight: a law that does not beat it has gained nothing by moving the
+handles. `oracle` knows the truth and has no latency: it is a floor, no law. *lost* stands where the
+target was out of sight for more than 1 % of the time; *unstable* where the linear loop is, as with
+the gains of `pi`, which hold for 12 cm and 0.4 s.
 
 Below each table of errors stands what they cost: motion of tip and handle from peak to peak, of the
 axis that moved farther. Where the tip moves much less than the path needs, the law is parked, and
@@ -64,25 +66,27 @@ def page() -> str:
     asked += [request("straight", law, (name,)) for name, law in varied]
     asked += [request(n, law, (), s) for n, s, law in late]
     done = batch.perform(asked)
-    count = len(nominal), len(varied), len(late)
-    first, second, third = (done[sum(count[:n]) : sum(count[: n + 1])] for n in range(len(count)))
+    sizes = (len(nominal), len(varied), len(late))
+    ends = [sum(sizes[:n]) for n in range(len(sizes) + 1)]
+    first, second, third = ((asked[a:b], done[a:b]) for a, b in pairwise(ends))
     text = _tables(
         "Scenarios",
         ["scenario"],
         LAWS,
         [[name] for name in SCENARIOS],
-        first,
+        *first,
         ("Wiener floor", [_floor(name) for name in SCENARIOS]),
     )
     straight = SCENARIOS.index("straight") * len(LAWS)
-    plain = [first[straight + LAWS.index(law)] for law in FEW]
+    plain = [straight + LAWS.index(law) for law in FEW]
     names = variation.names()
     text += _tables(
         "Disturbances, on `straight`",
         ["disturbance"],
         FEW,
         [[name] for name in ("nominal", *names)],
-        [*plain, *second],
+        [first[0][n] for n in plain] + second[0],
+        [first[1][n] for n in plain] + second[1],
         ("what", ["", *(variation.read(name).summary for name in names)]),
     )
     cases = [(n, s) for n in ("straight", "circle") for s in LATENCIES]
@@ -91,7 +95,7 @@ def page() -> str:
         ["scenario", "latency"],
         FEW,
         [[name, f"{s:g} s"] for name, s in cases],
-        third,
+        *third,
     )
     minutes = 5 * ceil((time.perf_counter() - begin) / 300)
     return HEAD.format(minutes=minutes) + text + CLOSING
@@ -102,6 +106,7 @@ def _tables(
     heads: list[str],
     laws: Sequence[str],
     cases: Sequence[list[str]],
+    asked: Sequence[run.Request],
     done: Sequence[Done | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
@@ -112,15 +117,17 @@ def _tables(
         heads: of the first columns.
         laws: in the order of the runs.
         cases: first cells of each row.
-        done: the runs, case by case.
+        asked: what was run, case by case.
+        done: the runs.
         last: head and cells of a further column of the table of errors.
     """
     errors, prices = [], []
     for n, first in enumerate(cases):
-        own = done[n * len(laws) : (n + 1) * len(laws)]
+        part = slice(n * len(laws), (n + 1) * len(laws))
+        tasks, own = asked[part], done[part]
         more = [last[1][n]] if last else []
         known = next(one for one in own if one)
-        errors.append([*first, *map(_error, own), f"{known.constant_px:.1f}", *more])
+        errors.append([*first, *map(_error, tasks, own), f"{known.constant_px:.1f}", *more])
         prices.append([*first, *map(_price, own), f"{known.needed_deg:.0f}"])
     head = [*heads, *laws, "constant", *([last[0]] if last else [])]
     price_head = [*heads, *laws, "tip needed"]
@@ -140,11 +147,15 @@ of disturbances: [models/disturbances](../models/disturbances). One row again, m
 """
 
 
-def _error(done: Done | None) -> str:
+def _error(asked: run.Request, done: Done | None) -> str:
     if done is None:
         return "-"
-    lost = done.record["lost_fraction"]
-    return f"{done.rms:.1f}" + (f" (lost {100 * lost:.0f} %)" if lost > 0.01 else "")
+    lost, marks = done.record["lost_fraction"], []
+    if lost > 0.01:
+        marks.append(f"lost {100 * lost:.0f} %")
+    if (margins := theory.of(asked)["margins"]) and margins["gain"] < 1:
+        marks.append("unstable")
+    return f"{done.rms:.1f}" + (f" ({', '.join(marks)})" if marks else "")
 
 
 def _price(done: Done | None) -> str:

@@ -78,7 +78,7 @@ def main(request: Request) -> int:
     if request.json != "-":
         console.print(record_table.table(records))
         for line in (
-            record_table.CONSTANT,
+            *record_table.legend(records),
             *_needs(records),
             *_margins(records),
             *_floors(records),
@@ -115,16 +115,20 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     alike: dict[str, list[str]] = {}
     for (law, scenario, latency), m in told.items():
         if m:
-            text = (
-                f"{law}, {latency:.2f} s: gain margin {m['gain']:.1f}, phase margin "
-                f"{m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
+            text = f"{law}, {latency:.2f} s: gain margin {m['gain']:.1f}, " + (
+                f"phase margin {m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
+                if m["gain"] >= 1
+                else "unstable"
             )
             alike.setdefault(text, []).append(scenario)
     return [f"{text} on {', '.join(scenarios)}" for text, scenarios in alike.items()]
 
 
 def _needs(records: Sequence[dict[str, Any]]) -> list[str]:
-    told = {r["scenario"]: r["needed_tip_deg"] for r in records if r["needed_tip_deg"]}
+    told: dict[str, Any] = {}  # the first of each, which is nominal
+    for r in records:
+        if r["needed_tip_deg"]:
+            told.setdefault(r["scenario"], r["needed_tip_deg"])
     return [
         f"{scenario}: the path needs {up_down:.0f} deg of tip up_down, {left_right:.0f} left_right"
         for scenario, (up_down, left_right) in told.items()

@@ -37,7 +37,8 @@ def main(args: list[str]) -> int:
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
-        console.print(record_table.CONSTANT, soft_wrap=True, highlight=False)
+        for line in record_table.legend(records):
+            console.print(line, soft_wrap=True, highlight=False)
         results["look into a run"] = f"./run endolock view {first}"
         for what, where in results.items():
             console.print(f"{what}: {where}", soft_wrap=True, highlight=False, markup=False)

@@ -57,7 +57,7 @@ HEAD = """# Results
 
 Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
 *rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
-old; *tip* and *handle* are their motion from peak to peak, on the axis that moved farther. `pi` and
+old. *tip* and *handle*: their motion from peak to peak, on the axis that moved farther. `pi` and
 `ik` are our reproductions of two of the thesis' laws on the twin; `still` holds the handles where
 they begin, *constant* is the best that a handle which never moves could do, known in hindsight.
 Nothing here was measured on an endoscope.

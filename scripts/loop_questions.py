@@ -70,8 +70,8 @@ def circles() -> Answer:
             for width in WIDTHS:
                 one = done[scenario, form, width]
                 turns = one.record["handle"]["reversals_per_s"]
-                cells.append(f"{one.rms:.0f}, {one.tip_deg:.0f}" + (" *" if turns > 1.0 else ""))
-            rows.append([scenario, form, *cells])
+                cells.append(_rms_and_tip(one) + (" *" if turns > 1.0 else ""))
+            rows.append([scenario, form, *cells, f"{one.needed_deg:.0f} deg"])
 
     def draw(panel: Any) -> None:
         for n, scenario in enumerate(("straight", "circle")):
@@ -83,7 +83,8 @@ def circles() -> Answer:
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
 
-    return Answer(markdown(["scenario", "form", *(f"{w:g}" for w in WIDTHS)], rows), draw)
+    head = ["scenario", "form", *(f"w = {w:g}" for w in WIDTHS), "tip needed"]
+    return Answer(markdown(head, rows), draw)
 
 
 def latency() -> Answer:

@@ -70,16 +70,17 @@ def integral() -> Answer:
     rows = []
     for d in distances:
         following = [n for n, one in enumerate(runs[d]) if one.follows]
-        least = min(following, key=lambda n: rms[d][n])
+        told = ["none", "", ""]
+        if following:
+            least = min(following, key=rms[d].__getitem__)
+            told = [f"{gains[least]:.2f}", f"{rms[d][least]:.0f} px", _tips([runs[d][least]])]
         rows.append(
             [
                 f"{1e3 * d:.0f} mm",
                 f"{_process(d).gain:.2f}",
                 f"{best[d][1]:.2f}",
                 f"{np.pi / 2 / _process(d).dead_s / _process(d).gain:.2f}",
-                f"{gains[least]:.2f}",
-                f"{rms[d][least]:.0f} px",
-                _tips([runs[d][least]]),
+                *told,
                 f"{gains[int(np.argmin(rms[d]))]:.2f}, {min(rms[d]):.0f} px",
             ]
         )

@@ -29,7 +29,8 @@ def table(records: Sequence[dict[str, Any]]) -> Table:
         title += f"; latency {latencies.pop():.2f} s"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rows = [_cells(record) for record in with_constants(records)]
-    left_out = set() if latencies else {"latency"}  # all would not fit 80 characters
+    # All would not fit 80 characters.
+    left_out = {"found", "speed"} if latencies else {"latency"}
     if any(record.get("variation") for record in records):
         left_out |= {"p95", "seen", "found", "speed"}
     else:
@@ -39,10 +40,15 @@ def table(records: Sequence[dict[str, Any]]) -> Table:
     headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
-        result.add_column(heading, justify="left" if left else "right", no_wrap=True)
+        result.add_column(heading, justify="left" if left else "right", overflow="fold")
     for row in rows:
         result.add_row(*(row[heading] for heading in headings))
     return result
+
+
+def legend(records: Sequence[dict[str, Any]]) -> list[str]:
+    """Say what the last rows are, where there are any."""
+    return [CONSTANT] if any(record["constant_px"] for record in records) else []
 
 
 def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:

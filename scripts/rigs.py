@@ -75,7 +75,7 @@ def make(
     if rig.startswith(SERIAL):
         real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
         return real, _picture_eyes(real, vision, select)
-    if not rig.startswith(("twin", "hil")):
+    if rig in TRANSMISSIONS:
         made = transmission(rig, instrument, scenario.shaft_bend_deg)
         model = SurrogateRig(scenario, transmission=made, instrument=instrument, seed=seed)
         model.clock.sleep_until(0.0)

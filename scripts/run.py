@@ -90,7 +90,8 @@ def main(request: Request) -> int:
     output.write_json(record, request.json)
     if request.json != "-":
         console.print(record_table.table([record]))
-        console.print(record_table.CONSTANT, soft_wrap=True, highlight=False)
+        for line in record_table.legend([record]):
+            console.print(line, soft_wrap=True, highlight=False)
         console.print(f"run folder: {folder}", soft_wrap=True, highlight=False, markup=False)
     if request.view:
         view.show(folder, console)
@@ -272,19 +273,27 @@ def perform(
             "latency_s": scenario.camera.latency_s,
             "interrupted": result.interrupted,
             **metrics.score(result, rig.camera.calibration, scenario.scored_from_s),
-            **_rivals(scenario, instrument, request.seed, known=not bench),
         }
+    record |= _rivals(scenario, instrument, request.seed, None if bench else ran_s)
     folder.finish(record)
     return record, path
 
 
 def _rivals(
-    scenario: Scenario, instrument: Instrument, seed: int, *, known: bool
+    scenario: Scenario, instrument: Instrument, seed: int, ran_s: float | None
 ) -> dict[str, Any]:
-    """Return what the path needs, and what the best constant handle scores; None on a bench."""
-    if not known:
+    """Return what the path needs and what the best constant handle scores.
+
+    Args:
+        scenario: the task.
+        instrument: what was steered.
+        seed: of the run.
+        ran_s: how far it came [s]; None on a bench, whose path is not known.
+    """
+    if ran_s is None or ran_s <= scenario.scored_from_s:
         return {"needed_tip_deg": None, "constant_px": None}
-    path = hindsight(scenario, instrument, seed)
+    ran = scenario.model_copy(update={"duration_s": ran_s})
+    path = hindsight(ran, instrument, seed)
     return {"needed_tip_deg": list(path.needed_tip_deg), "constant_px": path.constant_px}
 
 

@@ -18,10 +18,11 @@ from endolock.twin import optics
 from endolock.twin.course import Course
 from endolock.twin.instrument import Instrument
 from endolock.twin.scenario import Scenario
+from endolock.twin.surrogate import section_of
 from endolock.vision import camera_model
 
 STEP_S = 0.1
-"""Sampling of the path [s]: 0.3 Hz random motion moves by a few px meanwhile."""
+"""Sampling of the path [s]: a tenth of the quickest period here, a heartbeat of 1.2 Hz."""
 COARSE_RAD = 0.1
 """Grid on which the search for the best bend begins."""
 
@@ -45,15 +46,11 @@ def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsigh
         instrument: gives the lengths.
         seed: of what is random in the scenario.
     """
-    geometry = SectionGeometry(
-        bending_length_m=instrument.bending_length_m,
-        rigid_tip_m=instrument.rigid_tip_m,
-        misalignment_rad=instrument.misalignment_rad,
-    )
+    geometry = section_of(instrument)
     path = places(scenario, seed)
-    bends = np.degrees([kinematics.aim(geometry, place) for place in path])
-    up_down, left_right = np.ptp(bends, axis=0).tolist()
-    error = _best_constant(geometry, optics.calibration(scenario.camera), path)
+    bends = np.array([kinematics.aim(geometry, place) for place in path])
+    up_down, left_right = np.degrees(np.ptp(bends, axis=0)).tolist()
+    error = _best_constant(geometry, optics.calibration(scenario.camera), path, bends)
     return Hindsight((up_down, left_right), metrics.summary(error))
 
 
@@ -74,8 +71,10 @@ def places(scenario: Scenario, seed: int) -> Vector:
     return np.array(found)
 
 
-def _best_constant(geometry: SectionGeometry, camera: Calibration, path: Vector) -> Vector:
-    """Errors of the one bend that makes their rms least [px]."""
+def _best_constant(
+    geometry: SectionGeometry, camera: Calibration, path: Vector, bends: Vector
+) -> Vector:
+    """Errors of the one bend that makes their rms least [px]; `bends` point at the path."""
     from scipy.optimize import minimize  # half a second to load
 
     def errors(bend: Vector) -> Vector:
@@ -91,8 +90,7 @@ def _best_constant(geometry: SectionGeometry, camera: Calibration, path: Vector)
     def rms(bend: Vector) -> float:
         return float(np.sqrt(np.mean(errors(bend) ** 2)))
 
-    aims = np.array([kinematics.aim(geometry, place) for place in path])
-    low, high = aims.min(axis=0), aims.max(axis=0)
+    low, high = bends.min(axis=0), bends.max(axis=0)
     axes = [np.arange(a, b + COARSE_RAD, COARSE_RAD) for a, b in zip(low, high, strict=True)]
     starts = [np.array([a, b]) for a in axes[0] for b in axes[1]]
     start = min(starts, key=rms)

@@ -17,6 +17,7 @@ Reference:
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from endolock.control.metrics import EXPOSURE_S
 from endolock.hw.api import Vector
 from endolock.scripts import recorder, run
 
@@ -73,8 +73,8 @@ class Trace(NamedTuple):
     """m x 2 [deg]; 0 without."""
     bend: Vector
     """True bends of the tip, m x 2 [deg]."""
-    true: Vector
-    """True offset of the target, m x 2, right and down [px]."""
+    blur_px: float
+    """Mean motion of the target's picture within an exposure, of the whole run [px]."""
 
     @property
     def total(self) -> Vector:
@@ -90,19 +90,14 @@ class Trace(NamedTuple):
         """Motion of the tip from peak to peak, of the axis that moved farther [deg]."""
         return float(np.ptp(self.bend[self.handle_t >= start_s], axis=0).max())
 
-    def blur(self) -> float:
-        """Mean motion of the target's picture within an exposure [px]."""
-        speed = np.hypot(*np.diff(self.true, axis=0).T) / np.diff(self.handle_t)
-        return float(speed.mean()) * EXPOSURE_S
-
     def strokes(self) -> Vector:
-        """Largest error of each stroke, as delayed [px]."""
-        ends = np.arange(0.0, self.t[-1] - LATENCY_S, STROKE_S)
-        parts = [(self.t - LATENCY_S >= a) & (self.t - LATENCY_S < a + STROKE_S) for a in ends]
-        return np.array([self.total[part].max() for part in parts if part.any()])
+        """Largest error of each whole stroke, as delayed [px]; NaN where nothing was seen."""
+        ends = np.arange(LATENCY_S, self.handle_t[-1] - STROKE_S, STROKE_S)
+        parts = [(self.t >= a) & (self.t < a + STROKE_S) for a in ends]
+        return np.array([self.total[part].max() if part.any() else np.nan for part in parts])
 
     def turns(self, axis: int, least_deg: float = 5.0) -> list[tuple[float, float, float]]:
-        """Quick moves of a handle: from and to when, and how far, from turn to turn [s, s, deg]."""
+        """Moves of a handle from turn to turn: from and to when, and how far [s, s, deg]."""
         h = self.handle[:, axis]
         places = [0]
         way = 0.0
@@ -201,7 +196,7 @@ def trace(folder: Path) -> Trace:
         np.degrees(np.array(ticks["position_rad"].to_pylist())),
         np.degrees([[row.get(name, 0.0) for name in names] for row in inside]),
         np.degrees(np.array(ticks["bend_rad"].to_pylist())),
-        np.array(ticks["target_px"].to_pylist(), float) - centre,
+        json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["blur_px"],
     )
 
 

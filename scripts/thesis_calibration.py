@@ -50,7 +50,7 @@ SHOWN = 6
 """Rows of the table of gains."""
 
 
-class Pair(NamedTuple):
+class Gains(NamedTuple):
     """What one pair of gains comes to."""
 
     kp: float
@@ -76,7 +76,7 @@ class Pair(NamedTuple):
         return sum(miss > 0 for miss in self.misses_px), sum(self.misses_px)
 
 
-def pairs() -> list[Pair]:
+def pairs() -> list[Gains]:
     """Try the gains that leave a margin; return those with which the tip follows, best first."""
     process = run.process_of(run.resolve(thesis.request("b", "straight", "pi")).scenario)
     tried = []
@@ -99,10 +99,9 @@ def pairs() -> list[Pair]:
         peaks = {c: float(runs[c]["straight-pi"].total.max()) for c in COLUMNS}
         gains = {c: gain_px(runs[c]) for c in COLUMNS}
         tip = runs["b"]["straight-pi"].tip_deg(2 * STROKE_S)
-        found.append(Pair(kp, ki, margin, peaks, gains, tip))
-    return sorted(
-        (one for one in found if one.tip_deg >= FOLLOWED * needed_deg()), key=lambda p: p.rank
-    )
+        found.append(Gains(kp, ki, margin, peaks, gains, tip))
+    low, high = (share * needed_deg() for share in FOLLOWED)
+    return sorted((one for one in found if low <= one.tip_deg <= high), key=lambda p: p.rank)
 
 
 def rates() -> dict[float, tuple[str, bool]]:
@@ -159,7 +158,7 @@ def table() -> str:
 
 
 def _traces(requests: list[run.Request]) -> list[Trace]:
-    return [one for one in batch.each(requests, _trace) if one is not None]
+    return batch.each_of(requests, _trace)
 
 
 def _trace(_record: dict[str, Any], folder: Path) -> Trace:

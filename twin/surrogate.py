@@ -119,7 +119,7 @@ class SurrogateRig:
         """Return scenario, transmission, camera and board as plain values."""
         return {
             "scenario": self.scenario.model_dump(),
-            "surrogate": asdict(self._transmission),
+            "transmission": asdict(self._transmission),
             "calibration": asdict(self.camera.calibration),
             "board": asdict(self.board),
         }
@@ -183,11 +183,7 @@ class SurrogatePlant:
         self._tilt = scenario.board.quaternion
         self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
         self._distance_m = scenario.board.distance_m
-        self._geometry = SectionGeometry(
-            bending_length_m=instrument.bending_length_m,
-            rigid_tip_m=instrument.rigid_tip_m,
-            misalignment_rad=instrument.misalignment_rad,
-        )
+        self._geometry = section_of(instrument)
         self._axes = transmission.at_rest()
         self._keep = exp(-TIMESTEP_S / SERVO_LAG_S)
         self.goal = self.handles = self.speed = self.bend = (0.0, 0.0)
@@ -309,12 +305,21 @@ class SurrogateDrive:
         )
 
 
+def section_of(instrument: Instrument) -> SectionGeometry:
+    """Return the lengths of an instrument's section."""
+    return SectionGeometry(
+        bending_length_m=instrument.bending_length_m,
+        rigid_tip_m=instrument.rigid_tip_m,
+        misalignment_rad=instrument.misalignment_rad,
+    )
+
+
 def _check(scenario: Scenario) -> None:
     for what in ("shaft", "push", "tracker"):
         if getattr(scenario, what):
             raise ConfigError(
-                f"scenario {scenario.name} has [{what}], which the surrogate does not know; use "
-                "--rig twin"
+                f"scenario {scenario.name} has [{what}], which a rig without physics does not "
+                "know; use --rig twin"
             )
 
 

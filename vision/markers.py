@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import BoardGeometry, Calibration, Frame, Image
-from endolock.vision import board_pose, refusal
+from endolock.vision import board_pose, camera_model, refusal
 from endolock.vision.board_pose import BoardPose
 from endolock.vision.detector import Marker, MarkerDetector, grey_of
 from endolock.vision.observation import Lock, Observation
@@ -116,15 +116,30 @@ class MarkerEyes:
             noun = "marker" if len(markers) == 1 else "markers"
             return f"{len(markers)} {noun} found, {MIN_MARKERS} needed"
         rms, pose = self._pose(markers)
-        if rms > MAX_RESIDUAL_PX and len(markers) > MIN_MARKERS:
-            # A false one may spoil the start of the fit altogether, so each is left out in turn.
-            others = [[*markers[:n], *markers[n + 1 :]] for n in range(len(markers))]
-            rms, pose = min((self._pose(some) for some in others), key=lambda found: found[0])
+        if rms > MAX_RESIDUAL_PX:
+            left = self._consensus(markers)
+            if max(MIN_MARKERS, len(markers) / 2) <= len(left) < len(markers):
+                rms, pose = self._pose(left)
         if pose is None:
             return "no board pose fits the markers"
         if rms > MAX_RESIDUAL_PX:
             return f"markers misfit the board by {rms:.1f} px rms, {MAX_RESIDUAL_PX} allowed"
         return self._fit(pose)
+
+    def _consensus(self, markers: Sequence[Marker]) -> list[Marker]:
+        """Leave out the markers that do not lie on one plane with most of the others."""
+        pixels = np.concatenate([corners for corners, _ in markers])
+        points = np.concatenate([self._corners[i] for _, i in markers])
+        rays = camera_model.rays(self._calibration, pixels)
+        if not np.isfinite(rays).all():
+            return list(markers)
+        flat = np.ascontiguousarray(self._calibration.focal_px * rays[:, :2])
+        near = 2 * MAX_RESIDUAL_PX  # a corner's largest misfit is about twice its rms
+        _, agree = cv2.findHomography(points[:, :2], flat, cv2.RANSAC, near)
+        if agree is None:
+            return list(markers)
+        whole = [bool(corners.all()) for corners in np.reshape(agree, (-1, 4))]
+        return [marker for marker, good in zip(markers, whole, strict=True) if good]
 
     def _pose(self, markers: Sequence[Marker]) -> tuple[float, BoardPose | None]:
         """Fit a pose to all of these; return its misfit, rms [px], infinite where there is none."""

@@ -193,6 +193,7 @@ def test_the_oracle_is_no_law_for_a_bench() -> None:
     ("name", "changes", "why"),
     [
         ("pi", {"kd": 1.0}, "pi has no law.kd; it has ki, kp"),
+        ("still", {"kp": 1.0}, "still has no law.kp; nothing of it can be set"),
         ("pi", {"kp": -1.0}, "kp is -1; use a finite number, 0 or more"),
         ("pi", {"kp": "much"}, "pi: law.kp: .* got 'much'"),
         ("pi_hc", {"form": "round"}, "pi_hc: law.form"),

@@ -57,8 +57,8 @@ def test_no_constant_handle_does_better_than_the_best_in_hindsight(name: str) ->
     around = np.arange(0.0, 0.71, 0.1) if name == "straight" else np.arange(-0.4, 0.41, 0.1)
     across = [0.0] if name == "straight" else around
     tried = min(held(name, (float(a), float(b))) for a in across for b in around)
-    # The path is sampled every 0.1 s; half a step of the grid is 0.05 rad, 19 px to the side.
-    assert bound - 0.5 <= tried <= float(np.hypot(bound, 19.0))
+    # The path is sampled every 0.1 s; half a step of the grid is 0.05 rad, 19 px on each axis.
+    assert bound - 0.5 <= tried <= float(np.hypot(bound, 27.0))
 
 
 def test_a_path_needs_the_bends_that_point_at_it() -> None:
@@ -72,7 +72,9 @@ def test_a_path_needs_the_bends_that_point_at_it() -> None:
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_path_is_the_one_that_the_twin_shows(seed: int) -> None:
     rolled = {
-        **{"duration_s": 4.0, "scored_from_s": 0.0, "board.tilt_deg": 10.0},
+        # The target of this board is off its centre, so that the tilt counts.
+        **{"duration_s": 4.0, "scored_from_s": 0.0, "board.kind": "several", "board.target": 1},
+        **{"board.tilt_deg": 20.0, "board.tilt_axis_deg": 30.0},
         "shaft": [{"kind": "roll", "by_deg": 20.0, "start_s": 1.0, "over_s": 1.0}],
     }
     task = scenario.load("random", rolled)
@@ -82,7 +84,8 @@ def test_the_path_is_the_one_that_the_twin_shows(seed: int) -> None:
         for n in (5, 20, 38):
             rig.clock.sleep_until(0.1 * n)
             shown = rig.truth.now().target_px
-            # The section at rest looks straight ahead; under gravity off, to rounding.
+            # At rest and without gravity the section looks straight ahead, but for the solver's
+            # rest state: hundredths of a degree, 0.05 px each.
             assert camera_model.project(camera, path[n]) == pytest.approx(shown, abs=0.5)
 
 
@@ -109,11 +112,14 @@ def test_a_law_that_claims_to_follow_moves_the_tip(
     path: str, law: str, followers: dict[tuple[str, str], batch.Done]
 ) -> None:
     one = followers[path, law]
-    assert one.follows
-    for moved, needed in zip(
-        one.record["tip"]["p2p_deg"], one.record["needed_tip_deg"], strict=True
-    ):
-        assert moved >= batch.FOLLOWED * needed  # on each axis
+    assert one.follows, (one.record["tip"], one.record["needed_tip_deg"])
+
+
+def test_a_law_that_rings_does_not_follow() -> None:
+    """At 15 mm the gains of `pi` for 12 cm are beyond what the loop bears."""
+    (one,) = batch.all_of([run.Request(scenario="close", vision="truth")])
+    assert one.tip_deg > one.needed_deg  # it moves enough
+    assert not one.follows
 
 
 def test_gains_that_stay_inside_the_loop_are_seen_to_be_parked() -> None:
@@ -142,7 +148,7 @@ def test_a_comparison_shows_what_doing_nothing_costs(
     args += ["--vision", "truth", "--duration-s", "3", "--scored-from-s", "1"]
     assert cli.main(["compare", *args, "--out", str(tmp_path / "all"), "--json", str(file)]) == 0
     said = capsys.readouterr().out
-    assert max(len(line.rstrip()) for line in said.splitlines()[:12]) <= 80
+    assert "…" not in said  # cut off
     lines = [line.split() for line in said.splitlines()]
     assert lines[0][0] == "error"
     for name in ("straight", "circle"):
@@ -157,6 +163,37 @@ def test_a_comparison_shows_what_doing_nothing_costs(
     assert still["controller"] == "still"
     assert max(still["tip"]["p2p_deg"]) < 0.01  # encoders' steps may settle
     assert still["error_px"]["rms"] >= still["constant_px"]["rms"] - 0.5  # as above
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["--latencies", "0.2", "0.4"],
+        ["--latencies", "0.2", "0.4", "--vary", "board.distance_m=0.06"],
+        ["--controllers", "still", "predictive_bank"],
+    ],
+)
+def test_no_table_is_cut_off(
+    more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["compare", "--scenarios", "shaft_loop", "--vision", "truth", "--duration-s", "2"]
+    assert cli.main([*args, "--out", str(tmp_path / "all"), *more]) == 0
+    table = capsys.readouterr().out.split("constant:")[0]
+    assert "…" not in table
+    for heading in ("law", "rms", "max", "tip", "handle"):
+        assert heading in table.split()
+
+
+def test_what_a_path_needs_is_that_of_the_nominal_task(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["compare", "--scenarios", "straight", "--controllers", "still", "--vision", "truth"]
+    args += ["--vary", "board.distance_m=0.06", "--out", str(tmp_path / "all")]
+    assert cli.main([*args, "--duration-s", "9"]) == 0
+    needed = hindsight(scenario.load("straight"), Instrument(), 0).needed_tip_deg
+    assert f"straight: the path needs 0 deg of tip up_down, {needed[1]:.0f} left_right" in (
+        capsys.readouterr().out
+    )
 
 
 def test_a_bench_has_no_hindsight() -> None:

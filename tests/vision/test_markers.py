@@ -104,7 +104,11 @@ def test_markers_that_do_not_fit_the_board_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_one_false_marker_among_many_is_left_out(seed: int) -> None:
+@pytest.mark.parametrize("apart_px", [10.0, 60.0, 400.0])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_few_false_markers_among_many_are_left_out(
+    count: int, apart_px: float, seed: int
+) -> None:
     """Texture at the edge of a picture can look like a marker of the board."""
     rig = TwinRig("rest", pictures=False)
     camera = rig.camera.calibration
@@ -114,9 +118,11 @@ def test_one_false_marker_among_many_is_left_out(seed: int) -> None:
     for marker, corners in rig.board.corners().items():
         points = corners + [0.01, -0.02, 0.14]
         own.append((np.array([camera_model.project(camera, point) for point in points]), marker))
-    false = int(random.integers(len(own)))
-    spot = random.uniform([0, 0], [camera.width, camera.height])
-    own[false] = (spot + random.uniform(-20, 20, (4, 2)), own[false][1])
+    for false in random.choice(len(own), count, replace=False):
+        corners, marker = own[false]
+        away = random.uniform(0, 2 * np.pi)
+        shift = apart_px * np.array([np.cos(away), np.sin(away)])
+        own[false] = (corners + shift + random.uniform(-5, 5, (4, 2)), marker)
     fit = eyes.fit(own)
     assert not isinstance(fit, str)
     truth = camera_model.project(camera, np.array([0.01, -0.02, 0.14]))
