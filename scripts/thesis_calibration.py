@@ -142,7 +142,7 @@ def table() -> str:
             f"{one.kp:g}, {one.ki:g}",
             *(f"{one.peak_px[c]:.0f}" for c in COLUMNS),
             *(f"{one.gain_px[c]:.0f}" for c in COLUMNS),
-            f"{4 - one.rank[0]} of 4, {one.rank[1]:.0f} px",
+            f"{4 - one.rank[0]} of 4, {one.rank[1]:.1f} px",
             f"{one.tip_deg:.0f} deg",
             f"{one.margin:.2f}",
         ]

@@ -112,7 +112,7 @@ def straight_pi(runs: Traces, column: str) -> Answer:
     low, high = PEAK_PX[column]
     one = runs["straight-pi"]
     peak = one.total.max()
-    got = f"{peak:.0f} px (held still: {runs['straight-still'].total.max():.0f}); tip {_tip(one)}"
+    got = f"{peak:.1f} px (held still: {runs['straight-still'].total.max():.0f}); tip {_tip(one)}"
     return Answer(f"{low} to {high} px", got, low < peak <= high)
 
 
