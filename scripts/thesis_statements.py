@@ -300,9 +300,9 @@ def large_at_turns(runs: Traces, column: str) -> Answer:
 def latency_limits(runs: Traces, column: str) -> Answer:
     """Straight: the latency of 0.4 s limits the performance."""
     names = [f"-{latency:g}s" for latency in LATENCIES_S] + [""]
-    rms = {law: [rms(runs[f"straight-{law}{n}"].total) for n in names] for law in LAWS[1:]}
-    got = "; ".join(f"{law} {', '.join(f'{v:.0f}' for v in of)} px" for law, of in rms.items())
-    good = all(a < b < c and c >= 1.1 * a for a, b, c in rms.values())
+    found = {law: [rms(runs[f"straight-{law}{n}"].total) for n in names] for law in LAWS[1:]}
+    got = "; ".join(f"{law} {', '.join(f'{v:.0f}' for v in of)} px" for law, of in found.items())
+    good = all(a < b < c and c >= 1.1 * a for a, b, c in found.values())
     expected = "rms at 0, 0.2, 0.4 s rises with every law, from 0 to 0.4 s by 10 % or more"
     return Answer(expected, got, good)
 
