@@ -85,6 +85,12 @@ def main(request: Request) -> int:
         ):
             console.print(line, soft_wrap=True, highlight=False)
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
+        if (last := records[-1])["interrupted"]:
+            console.print(
+                f"interrupted: {len(records)} of {len(planned)} runs, the last one after "
+                f"{last['duration_s']:.1f} s",
+                highlight=False,
+            )
     return 130 if records[-1]["interrupted"] else 0
 
 
@@ -95,14 +101,16 @@ def _thesis(request: Request, place: Path, console: Console) -> int:
     rigs.check("twin", request.vision)
     records, runs = thesis.perform(place, request.vision)
     if records[-1]["interrupted"]:
+        output.write_json({"rows": records}, request.json)
+        console.print(f"interrupted: {len(records)} runs in {place}, nothing was checked")
         return 130
     rows = thesis_statements.ask(runs)
     with console.status("drawing figures 6.4 to 6.8"):
         figures = thesis_figures.draw(runs, place)
     output.write_json({"rows": records, "thesis": rows}, request.json)
     if request.json != "-":
-        for line in thesis.lines(rows):
-            console.print(line, highlight=False)
+        for part in thesis.layout(rows):
+            console.print(part, highlight=False)
         for figure in figures:
             console.print(str(figure), soft_wrap=True, highlight=False, markup=False)
     return 0
@@ -115,7 +123,7 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     alike: dict[str, list[str]] = {}
     for (law, scenario, latency), m in told.items():
         if m:
-            text = f"{law}, {latency:.2f} s: gain margin {m['gain']:.1f}, " + (
+            text = f"{law}, {latency:.2f} s, linear part: gain margin {m['gain']:.1f}, " + (
                 f"phase margin {m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
                 if m["gain"] >= 1
                 else "unstable"
@@ -125,13 +133,15 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _needs(records: Sequence[dict[str, Any]]) -> list[str]:
-    told: dict[str, Any] = {}  # the first of each, which is nominal
+    told: dict[tuple[str, int], Any] = {}  # the first of each, which is nominal
     for r in records:
         if r["needed_tip_deg"]:
-            told.setdefault(r["scenario"], r["needed_tip_deg"])
+            told.setdefault((r["scenario"], r["seed"]), r["needed_tip_deg"])
+    several = len({seed for _, seed in told}) > 1
     return [
-        f"{scenario}: the path needs {up_down:.0f} deg of tip up_down, {left_right:.0f} left_right"
-        for scenario, (up_down, left_right) in told.items()
+        f"{scenario}{f', seed {seed}' if several else ''}: the path needs {up_down:.0f} deg of tip "
+        f"up_down, {left_right:.0f} left_right"
+        for (scenario, seed), (up_down, left_right) in told.items()
     ]
 
 

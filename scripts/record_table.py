@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal
 
 from rich import box
 from rich.markup import escape
@@ -35,35 +35,43 @@ def table(records: Sequence[dict[str, Any]]) -> Table:
         left_out |= {"p95", "seen", "found", "speed"}
     else:
         left_out.add("variation")
+    if len({record["seed"] for record in records}) == 1:
+        left_out.add("seed")
+    else:
+        left_out |= {"found", "speed"}
     if any(len(record["controller"]) > LONG_NAME for record in records):
         left_out |= {"found", "speed"}
     headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
-        result.add_column(heading, justify="left" if left else "right", overflow="fold")
+        whole = heading not in ("scenario", "variation")
+        justify: Literal["left", "right"] = "left" if left else "right"
+        result.add_column(heading, justify=justify, overflow="fold", no_wrap=whole)
     for row in rows:
         result.add_row(*(row[heading] for heading in headings))
     return result
 
 
 def legend(records: Sequence[dict[str, Any]]) -> list[str]:
-    """Say what the last rows are, where there are any."""
-    return [CONSTANT] if any(record["constant_px"] for record in records) else []
+    """Say what is not plain from a table."""
+    constant = any(record["constant_px"] for record in records)
+    return [*([CONSTANT] if constant else []), "tip, handle: of the axis that moved farther"]
 
 
 def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Add rows for the best constant handle below the laws of each scenario.
 
     Args:
-        records: run records, one scenario after another; those of a bench get none.
+        records: run records, one scenario after another.
     """
     unknown = ("delayed_error_px", "vision_error_px", "detected_fraction", "lost_fraction")
     nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
     for _, block in groupby(records, key=lambda record: record["scenario"]):
-        told: list[Any] = [None]  # that of a bench is not known
+        told: list[Any] = [None]  # on a bench, or where the tip is pushed
         yield from (rows := list(block))
         for record in rows:
-            if (constant := record["constant_px"]) not in told:
+            constant = record["constant_px"]
+            if constant not in told and not record["interrupted"]:  # of another time
                 told.append(constant)
                 row = {"controller": "constant", "latency_s": None, "error_px": constant}
                 yield record | dict.fromkeys((*unknown, "real_time_factor")) | nothing | row
@@ -75,6 +83,7 @@ def _cells(r: dict[str, Any]) -> dict[str, str]:
         "scenario": escape(r["scenario"]),
         "law": escape(r["controller"]),
         "variation": escape(r.get("variation") or "nominal"),
+        "seed": str(r["seed"]),
         "latency": "-" if r["latency_s"] is None else f"{r['latency_s']:.2f} s",
         **{key: _number(error.get(key)) for key in ("rms", "p95", "max")},
         "seen": _number(seen.get("rms")),

@@ -32,14 +32,15 @@ class Hindsight(NamedTuple):
 
     needed_tip_deg: Pair
     """Bend, peak to peak, of a tip that always points at the target (up_down, left_right) [deg]."""
-    constant_px: dict[str, Any]
-    """Error of the best constant bend, summarised as in a run record [px]."""
+    constant_px: dict[str, Any] | None
+    """Error of the best constant bend, summarised as in a run record [px]; None where the tip is
+    pushed, so that no handle keeps it still."""
 
 
 def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsight:
     """Look at the whole path of a target, where it is scored.
 
-    The section is one of constant curvature at rest on its base; pushes are left out.
+    The section is one of constant curvature at rest on its base.
 
     Args:
         scenario: how the board moves.
@@ -50,8 +51,11 @@ def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsigh
     path = places(scenario, seed)
     bends = np.array([kinematics.aim(geometry, place) for place in path])
     up_down, left_right = np.degrees(np.ptp(bends, axis=0)).tolist()
+    needed = up_down, left_right
+    if scenario.push:
+        return Hindsight(needed, None)
     error = _best_constant(geometry, optics.calibration(scenario.camera), path, bends)
-    return Hindsight((up_down, left_right), metrics.summary(error))
+    return Hindsight(needed, metrics.summary(error))
 
 
 def places(scenario: Scenario, seed: int) -> Vector:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from rich.table import Table
 
 from endolock.hw.api import Vector
 from endolock.scripts import recorder, run
@@ -200,10 +201,10 @@ def trace(folder: Path) -> Trace:
     )
 
 
-def lines(rows: list[dict[str, Any]]) -> Iterator[str]:
+def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
     """Lay the statements out for people, those that do not hold first."""
-    yield "[bold]The excerpt's statements[/]; a: our simulation, b: our twin"
-    said = {None: "[dim]--[/] ", True: "[green]yes[/]", False: "[red]NO[/] "}
+    yield "[bold]The excerpt's statements[/]; a: our simulation, b: our twin; --: not stated"
+    said = {None: "[dim]--[/]", True: "[green]yes[/]", False: "[red]NO[/]"}
     names = sorted(
         dict.fromkeys(row["id"] for row in rows),
         key=lambda name: all(row["ok"] is not False for row in rows if row["id"] == name),
@@ -211,12 +212,19 @@ def lines(rows: list[dict[str, Any]]) -> Iterator[str]:
     for name in names:
         own = [row for row in rows if row["id"] == name]
         yield f"\n[bold]{name}[/] {own[0]['statement']}"
+        table = Table.grid(padding=(0, 1, 0, 0), pad_edge=True)
+        table.add_column(width=2, justify="right")
+        table.add_column(width=3)
+        table.add_column()
         for row in own:
-            yield f"  {row['column']} {said[row['ok']]} {row['got']}"
-            yield f"        [dim]{row['basis']}; expected: {row['expected'] or 'not stated'}[/]"
-    judged = [row for row in rows if row["basis"] == "predicted" and row["ok"] is not None]
-    held = sum(row["ok"] for row in judged)
-    yield f"\nof {len(judged)} predictions {held} hold"
+            table.add_row(row["column"], said[row["ok"]], row["got"])
+            expected = f"{row['basis']}; expected: {row['expected'] or 'not stated'}"
+            table.add_row("", "", f"[dim]{expected}[/]")
+        yield table
+    for basis in ("predicted", "calibrated", "provoked"):
+        judged = [row for row in rows if row["basis"] == basis and row["ok"] is not None]
+        held = sum(row["ok"] for row in judged)
+        yield ("\n" if basis == "predicted" else "") + f"{basis}: {held} of {len(judged)} hold"
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:

@@ -274,8 +274,9 @@ def both_axes(runs: Traces, column: str) -> Answer:
     off = bool((hc.compensation[within(hc.handle_t, 13.0), 1] == 0).any())
     got = (
         f"rms x {rms(hc.error[:, 0]):.0f} for {rms(pi.error[:, 0]):.0f}, y "
-        f"{rms(hc.error[:, 1]):.0f} for {rms(pi.error[:, 1]):.0f} px; near 13 s at most "
-        f"{extra:.0f} px more than PI in x, {'once' if off else 'never'} switched off there"
+        f"{rms(hc.error[:, 1]):.0f} for {rms(pi.error[:, 1]):.0f} px; near 13 s x is at "
+        f"most {extra:.0f} px larger than under PI, compensation {'is' if off else 'is never'} "
+        "switched off there"
     )
     good = works and extra >= 20 and off
     return Answer("smaller on both axes; 20 px more near 13 s, switched off there", got, good)

@@ -53,7 +53,9 @@ def held(name: str, handles: tuple[float, float]) -> float:
 
 @pytest.mark.parametrize("name", ["straight", "circle", "random"])
 def test_no_constant_handle_does_better_than_the_best_in_hindsight(name: str) -> None:
-    bound = hindsight(scenario.load(name, SCORED), Instrument(), 0).constant_px["rms"]
+    best = hindsight(scenario.load(name, SCORED), Instrument(), 0).constant_px
+    assert best
+    bound = best["rms"]
     around = np.arange(0.0, 0.71, 0.1) if name == "straight" else np.arange(-0.4, 0.41, 0.1)
     across = [0.0] if name == "straight" else around
     tried = min(held(name, (float(a), float(b))) for a in across for b in around)
@@ -196,10 +198,29 @@ def test_what_a_path_needs_is_that_of_the_nominal_task(
     )
 
 
+def test_where_the_tip_is_pushed_no_handle_keeps_it_still() -> None:
+    path = hindsight(scenario.load("push"), Instrument(), 0)
+    assert path.constant_px is None
+    assert max(path.needed_tip_deg) > 0
+
+
+def test_seeds_can_be_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    args = ["compare", "--scenarios", "random", "--controllers", "still", "--seeds", "2"]
+    args += ["--vision", "truth", "--duration-s", "3", "--out", str(tmp_path / "all")]
+    assert cli.main(args) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    rows = [line for line in lines if line[:1] == ["random"]]
+    assert sorted(line[1:3] for line in rows) == [
+        *(["constant", "0"], ["constant", "1"], ["still", "0"], ["still", "1"])
+    ]
+    assert sum(line[:2] == ["random,", "seed"] for line in lines) == 2
+
+
 def test_a_bench_has_no_hindsight() -> None:
     row = {
         **{"scenario": "straight", "controller": "pi", "latency_s": 0.4, "real_time_factor": 1.0},
         **{"error_px": None, "delayed_error_px": None, "tip": None, "handle": None},
         **{"detected_fraction": None, "lost_fraction": None, "constant_px": None},
+        **{"interrupted": False, "seed": 0},
     }
     assert list(record_table.with_constants([row])) == [row]
