@@ -86,8 +86,9 @@ def _best_constant(
         points = (path - position) @ rotation
         ahead = points[:, 2] > 0
         distance = np.full(len(path), metrics.BEHIND_PX)
-        pixels = camera_model.project_points(camera, points[ahead])
-        distance[ahead] = np.hypot(*(pixels - camera.centre_px).T)
+        if ahead.any():
+            pixels = camera_model.project_points(camera, points[ahead])
+            distance[ahead] = np.hypot(*(pixels - camera.centre_px).T)
         error: Vector = np.minimum(distance, metrics.BEHIND_PX)
         return error
 
