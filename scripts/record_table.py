@@ -64,7 +64,10 @@ def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]
     Args:
         records: run records, one scenario after another.
     """
-    unknown = ("delayed_error_px", "vision_error_px", "detected_fraction", "lost_fraction")
+    unknown = (
+        *("delayed_error_px", "vision_error_px"),
+        *("detected_fraction", "lost_fraction", "real_time_factor"),
+    )
     nothing = {key: {"p2p_deg": (0.0, 0.0)} for key in ("tip", "handle")}
     for _, block in groupby(records, key=lambda record: record["scenario"]):
         told: list[Any] = [None]  # on a bench, or where the tip is pushed
@@ -74,7 +77,7 @@ def with_constants(records: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]
             if constant not in told and not record["interrupted"]:  # of another time
                 told.append(constant)
                 row = {"controller": "constant", "latency_s": None, "error_px": constant}
-                yield record | dict.fromkeys((*unknown, "real_time_factor")) | nothing | row
+                yield record | dict.fromkeys(unknown) | nothing | row
 
 
 def _cells(r: dict[str, Any]) -> dict[str, str]:
