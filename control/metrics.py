@@ -85,7 +85,7 @@ def summary(error: Vector) -> dict[str, float | None]:
     if not error.size:
         return dict.fromkeys(("rms", "p95", "max", "mean", "within_20", "within_50"))
     return {
-        "rms": _rms(error),
+        "rms": rms(error),
         "p95": float(np.percentile(error, 95)),
         "max": float(error.max()),
         "mean": float(error.mean()),
@@ -97,7 +97,7 @@ def summary(error: Vector) -> dict[str, float | None]:
 def _extent(error: Vector) -> dict[str, float | None]:
     if not error.size:
         return {"rms": None, "max": None}
-    return {"rms": _rms(error), "max": float(error.max())}
+    return {"rms": rms(error), "max": float(error.max())}
 
 
 def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> dict[str, float | None] | None:
@@ -136,9 +136,9 @@ def _handle(ticks: Sequence[Tick]) -> dict[str, Any]:
     jerk = np.diff(accel, axis=0) / dt
     reversals = sum(_reversals(axis.tolist()) for axis in position.T)
     return {
-        "rate_rms": _rms(np.linalg.norm(rate, axis=1)),
-        "accel_rms": _rms(np.linalg.norm(accel, axis=1)),
-        "jerk_rms": _rms(np.linalg.norm(jerk, axis=1)),
+        "rate_rms": rms(np.linalg.norm(rate, axis=1)),
+        "accel_rms": rms(np.linalg.norm(accel, axis=1)),
+        "jerk_rms": rms(np.linalg.norm(jerk, axis=1)),
         "travel_rad": float(np.abs(np.diff(position, axis=0)).sum()),
         "reversals_per_s": reversals / float(t[-1] - t[0]),
         "p2p_deg": np.degrees(np.ptp(position, axis=0)).tolist(),
@@ -184,5 +184,6 @@ def _share(facts: Sequence[bool]) -> float | None:
     return float(np.mean(facts)) if facts else None
 
 
-def _rms(values: Vector) -> float:
+def rms(values: Vector) -> float:
+    """Root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

@@ -22,11 +22,6 @@ UNMOVED_PX = 30.0
 """T8: by less the target has hardly moved. Assumed: 7 % of the height of the plot."""
 
 
-def rms(values: Vector) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def largest(values: Vector) -> float:
     """Largest value, NaN of none."""
     return float(np.max(values)) if values.size else float("nan")

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from endolock.control.metrics import rms
 from endolock.hw.api import Vector
 from endolock.scripts import run, thesis
 from endolock.scripts.batch import FOLLOWED
@@ -25,7 +26,6 @@ from endolock.scripts.thesis_measures import (
     largest,
     peak_delay,
     peaks_by_way,
-    rms,
     within,
 )
 
