@@ -13,16 +13,16 @@ import tyro
 from pydantic import TypeAdapter
 from rich.console import Console
 
-from endolock.hw import bus_log
-from endolock.hw import registers as reg
 from endolock.hw.api import AXES, ConfigError, DeviceFault, HardwareError
-from endolock.hw.bus import Bus
-from endolock.hw.bus_log import Exchange, ReplayPort
 from endolock.hw.drive import Reading
-from endolock.hw.handle import Handle
-from endolock.hw.packets import BROADCAST, Instruction, Packet, Parser
-from endolock.hw.registers import Units
-from endolock.hw.servo_drive import ServoDrive
+from endolock.hw.dynamixel import bus_log
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.bus_log import Exchange, ReplayPort
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.packets import BROADCAST, Instruction, Packet, Parser
+from endolock.hw.dynamixel.registers import Units
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.scripts import output, recorder
 
 

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from endolock.hw import camera_file
 from endolock.hw.api import ConfigError
+from endolock.hw.camera import camera_file
 from endolock.scripts import output, recordings
 from endolock.vision import calibration as calibrations
 from endolock.vision.detector import Marker, MarkerDetector, grey_of

@@ -254,9 +254,9 @@ def room(free_bytes: int, folder: Path) -> Finding:
 
 def video() -> Finding:
     """List the video devices."""
-    from endolock.hw import video as devices  # and with it OpenCV
+    from endolock.hw.camera import video_camera  # and with it OpenCV
 
-    return Finding("video", True, ", ".join(devices.devices()) or "none; the twin needs none")
+    return Finding("video", True, ", ".join(video_camera.devices()) or "none; the twin needs none")
 
 
 def serial() -> Finding:

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from endolock.hw import bench as benches
-from endolock.hw import registers as reg
 from endolock.hw.api import ConfigError, EndolockError, LinkLost, PortGone
-from endolock.hw.bus import Bus
-from endolock.hw.packets import Instruction, Parser, encode
-from endolock.hw.port import Port
-from endolock.hw.wall_clock import WallClock
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Instruction, Parser, encode
+from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.scripts.doctor import Finding
 
 BAUD = 1_000_000
@@ -131,7 +131,7 @@ def judge(motors: Sequence[Motor], path: str) -> list[Finding]:
             f"registers of {', '.join(strange)} may lie elsewhere; use X series of the size 430 or "
             "540, such as XM430-W350"
         )
-    away = "move bench.toml away, " if benches.USUAL.exists() else ""
+    away = "move bench.toml away, " if bench_file.USUAL.exists() else ""
     cure = (
         f"{away}straighten the endoscope, then endolock doctor --port {shlex.quote(path)} --set-up"
     )
@@ -221,9 +221,11 @@ CHECKS = (
 
 def _bench(motors: Sequence[Motor], cure: str) -> Finding:
     """See that the motors are those of the bench file here, or of the defaults."""
-    name = f"{benches.USUAL}:" if benches.USUAL.exists() else f"no {benches.USUAL} here, so"
+    name = (
+        f"{bench_file.USUAL}:" if bench_file.USUAL.exists() else f"no {bench_file.USUAL} here, so"
+    )
     try:
-        bench = benches.load()
+        bench = bench_file.load()
     except ConfigError as error:
         return refused("bench", error)
     there = {m.id: m.baud for m in motors}

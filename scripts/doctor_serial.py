@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from endolock.hw.api import EndolockError
-from endolock.hw.port import BY_ID, Port, serial_port
+from endolock.hw.dynamixel.port import BY_ID, Port, serial_port
 from endolock.scripts import doctor_motors
 from endolock.scripts.doctor import Finding
 from endolock.scripts.doctor_motors import BAUD, SEARCHES_S, Motor, Tell, refused

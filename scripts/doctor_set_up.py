@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from endolock.hw import bench as benches
-from endolock.hw import registers as reg
 from endolock.hw.api import AXES, ConfigError, EndolockError, LinkLost
-from endolock.hw.bench import Bench, Handles
-from endolock.hw.bus import Bus
-from endolock.hw.handle import Handle
-from endolock.hw.port import Port
-from endolock.hw.servo_setup import RESTART_S
-from endolock.hw.wall_clock import WallClock
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.bench_file import Bench, Handles
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_setup import RESTART_S
 from endolock.scripts.doctor import Finding
 from endolock.scripts.doctor_motors import ANSWER_S, BAUD, MODELS, Motor, refused
 
@@ -38,7 +38,7 @@ def check() -> None:
     Raises:
         ConfigError: it cannot, or there is one.
     """
-    path = benches.USUAL
+    path = bench_file.USUAL
     if path.exists():
         raise ConfigError(
             f"{path} exists, so nothing was set up; move it away to set up anew, or leave out "
@@ -79,11 +79,11 @@ def set_up(line: Port, motors: Sequence[Motor]) -> Finding:
             axis: Handle(id=motor.id, zero_counts=zero)
             for axis, motor, zero in zip(AXES, motors, zeros, strict=True)
         }
-        benches.save(Bench(baud=BAUD, handle=Handles(**handles)), benches.USUAL)
+        bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.USUAL)
     except EndolockError as error:
         return refused("set-up", error)
     told += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
-    return Finding("set-up", True, f"{'; '.join(told)}; wrote {benches.USUAL}")
+    return Finding("set-up", True, f"{'; '.join(told)}; wrote {bench_file.USUAL}")
 
 
 def _accept(motors: Sequence[Motor]) -> None:

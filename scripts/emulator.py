@@ -11,8 +11,8 @@ import tyro
 from rich.console import Console
 
 from endolock.hw.api import ConfigError
-from endolock.hw.registers import BAUDS
-from endolock.hw.wire_faults import parse
+from endolock.hw.dynamixel.registers import BAUDS
+from endolock.hw.emulator.wire_faults import parse
 from endolock.twin import instruments, scenario
 from endolock.twin.far_end import FarEnd, Setup
 from endolock.twin.instrument import NUMERICS

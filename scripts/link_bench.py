@@ -12,10 +12,10 @@ import timeit
 from statistics import median
 
 from endolock.control import laws, loop
-from endolock.hw.bus import CYCLE_BYTES
-from endolock.hw.emulator import BITS
-from endolock.hw.packets import crc
-from endolock.hw.wall_clock import WallClock
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel.packets import crc
+from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
+from endolock.hw.emulator.bus_server import BITS
 from endolock.twin.hil import BAUD, HilRig
 from endolock.vision.truth import TruthEyes
 

@@ -34,7 +34,7 @@ from endolock.control.loop import Seen, Tick
 from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
 
 BUS_LOG = "bus.log"
-"""Every byte of the line to the handles, where there is one; see hw/bus_log.py."""
+"""Every byte of the line to the handles, where there is one; see hw/dynamixel/bus_log.py."""
 PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
 """Whose versions go into run.toml."""
 JPEG_QUALITY = 75

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
 
-from endolock.hw import boards, camera_file, recorded
+from endolock.hw import boards
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
+from endolock.hw.camera import camera_file, recorded_video
 from endolock.scripts import recorder
 
 
@@ -54,7 +55,7 @@ def open_(
         return Recording(_frames(rows), given or own, geometry)
     if times is None:
         raise ConfigError(f"{source} needs its time stamps; give a CSV file with --times")
-    return Recording(recorded.video(source, recorded.times(times)), given, geometry)
+    return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry)
 
 
 def _plain(kind: Any, values: Any, source: Path) -> Any:

@@ -13,10 +13,10 @@ import numpy as np
 from endolock.control import hysteresis, quasi_static
 from endolock.control.hysteresis import ONE_PLAY, Plays
 from endolock.control.quasi_static import Geometry
-from endolock.hw import bench as benches
 from endolock.hw.api import ConfigError, Vector
-from endolock.hw.bench import Bench
-from endolock.hw.serial_rig import SerialRig
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.bench_file import Bench
+from endolock.hw.bench.serial_rig import SerialRig
 from endolock.scripts.checks import cable_of
 from endolock.twin.hil import HilRig
 from endolock.twin.instrument import NUMERICS, Instrument
@@ -151,10 +151,10 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
         ConfigError: it cannot be read, or is given for another rig.
     """
     if rig.startswith(SERIAL):
-        bench = benches.load(file)
+        bench = bench_file.load(file)
         if not all(handle.zero_counts is not None for handle in bench.handles.values()):
             raise ConfigError(
-                f"{file or benches.USUAL} tells no zero_counts of both handles, so their ranges "
+                f"{file or bench_file.USUAL} tells no zero_counts of both handles, so their ranges "
                 "would start anew with every run; straighten the endoscope, then run endolock "
                 "doctor --port PORT --set-up"
             )

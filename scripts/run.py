@@ -15,7 +15,7 @@ from endolock.control import laws, loop, metrics
 from endolock.control.kinematics import SectionGeometry
 from endolock.control.process import HOLD_S, Process, image_gain
 from endolock.hw.api import ConfigError
-from endolock.hw.bench import Bench
+from endolock.hw.bench.bench_file import Bench
 from endolock.scripts import output, record_table, recorder, rigs, variation
 from endolock.scripts.progress import closing, progress
 from endolock.scripts.target_path import hindsight

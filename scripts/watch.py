@@ -15,7 +15,7 @@ from rich.console import Console
 from endolock.control import metrics
 from endolock.control.loop import Run, Seen
 from endolock.hw.api import ConfigError
-from endolock.hw.recorded import PlaybackClock, RecordedCamera
+from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera
 from endolock.scripts import output, recorder, recordings
 from endolock.scripts.run import selection
 from endolock.vision.markers import MarkerEyes

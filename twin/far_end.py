@@ -16,14 +16,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from endolock.hw import registers as reg
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose, TruthSample
-from endolock.hw.emulated_bus import EmulatedBus
-from endolock.hw.emulator import Emulator
-from endolock.hw.picture_stream import PictureStream
-from endolock.hw.pty_line import PtyLine
-from endolock.hw.wall_clock import WallClock
-from endolock.hw.wire_faults import FaultyBus, WireFault
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.camera.picture_stream import PictureStream
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.pty_line import PtyLine
+from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
 from endolock.twin.camera import TwinCamera
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.rig import TwinRig

@@ -24,13 +24,13 @@ from endolock.hw.api import (
     Pose,
     TruthSample,
 )
-from endolock.hw.bus import TIMEOUT_S, Bus
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel.port import serial_port
+from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
-from endolock.hw.leaving import Leaving
-from endolock.hw.port import serial_port
-from endolock.hw.servo_drive import ServoDrive
-from endolock.hw.wall_clock import WallClock
-from endolock.hw.wire_faults import WireFault
+from endolock.hw.lifecycle import Leaving
 from endolock.twin import motor
 from endolock.twin.far_end import Ready, Setup
 from endolock.twin.instrument import Instrument, Numerics

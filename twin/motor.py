@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from endolock.hw.api import AXES
-from endolock.hw.handle import Handle
-from endolock.hw.registers import Units
-from endolock.hw.servo import CENTRE, Servo
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.registers import Units
+from endolock.hw.emulator.servo_model import CENTRE, Servo
 from endolock.twin.instrument import Instrument
 from endolock.twin.plant import TwinPlant
 

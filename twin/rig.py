@@ -18,9 +18,9 @@ import numpy as np
 
 from endolock.hw import boards
 from endolock.hw.api import ConfigError, Image
-from endolock.hw.direct import DirectLink
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.direct_link import DirectLink
 from endolock.hw.guard import Guard
-from endolock.hw.servo_drive import ServoDrive
 from endolock.twin import camera, motor, optics, scenario, scene, shutter
 from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.plant import TwinPlant

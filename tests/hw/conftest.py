@@ -10,12 +10,12 @@ from typing import Protocol
 import pytest
 
 from endolock.hw.api import AXES, Clock, HardwareError, Limits
-from endolock.hw.bus import Bus
 from endolock.hw.drive import Reading
-from endolock.hw.emulated_bus import EmulatedBus
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.loopback import Loopback
 from endolock.hw.guard import Guard
-from endolock.hw.loopback import Loopback
-from endolock.hw.servo_drive import ServoDrive
 from endolock.twin import motor
 from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig

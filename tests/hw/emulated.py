@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from math import exp
 
 from endolock.hw.api import AXES, Clock, Command, State
-from endolock.hw.bus import Bus
-from endolock.hw.emulated_bus import EmulatedBus
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.registers import Units
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.loopback import Loopback
+from endolock.hw.emulator.servo_model import Servo
+from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
 from endolock.hw.guard import Guard
-from endolock.hw.handle import Handle
-from endolock.hw.loopback import Loopback
-from endolock.hw.registers import Units
-from endolock.hw.servo import Servo
-from endolock.hw.servo_drive import ServoDrive
-from endolock.hw.wire_faults import FaultyBus, WireFault
 
 PERIOD_S = 0.02
 STEP_RAD = Units().position_rad

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from tests.hw.emulated import BenchClock, LagMotor
 
-from endolock.hw import registers as reg
-from endolock.hw.packets import Refusal
-from endolock.hw.registers import Register
-from endolock.hw.servo import CENTRE, Refused, Servo
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Refusal
+from endolock.hw.dynamixel.registers import Register
+from endolock.hw.emulator.servo_model import CENTRE, Refused, Servo
 
 SETTLED_S = 1.0
 """Forty lags of the motor: nothing is left of a step."""

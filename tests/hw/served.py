@@ -11,13 +11,13 @@ from typing import Self
 
 from tests.hw.emulated import LagMotor
 
-from endolock.hw import registers as reg
-from endolock.hw.emulated_bus import EmulatedBus
-from endolock.hw.emulator import Emulator
-from endolock.hw.packets import Parser
-from endolock.hw.pty_line import PtyLine
-from endolock.hw.servo import Servo
-from endolock.hw.wall_clock import WallClock
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Parser
+from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.pty_line import PtyLine
+from endolock.hw.emulator.servo_model import Servo
 
 
 class HeardBus(EmulatedBus):

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import pytest
 from tests.hw.emulated import PERIOD_S, STEP_RAD, Emulated
 
-from endolock.hw import registers as reg
 from endolock.hw.api import (
     AXES,
     Command,
@@ -23,10 +22,11 @@ from endolock.hw.api import (
     PortGone,
     StateError,
 )
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.servo_drive import WATCHDOG_S, ServoDrive
+from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard, GuardSettings
-from endolock.hw.handle import Handle
-from endolock.hw.servo_drive import WATCHDOG_S, ServoDrive
-from endolock.hw.wire_faults import WireFault
 
 STOP_S = WATCHDOG_S + 0.04
 """All handles must be still so long after a fault [s]."""

@@ -13,7 +13,7 @@ from endolock.scripts import doctor_serial
 
 ROOT = Path(__file__).parents[2]
 BENCH, SAFETY = (ROOT / "docs" / name for name in ("bench.md", "safety.md"))
-ROW = re.compile(r"^\| `([\w.]+)` \| (\S+)(?: (\S+))? \| (\w+/\w+)\.py \|$", re.MULTILINE)
+ROW = re.compile(r"^\| `([\w.]+)` \| (\S+)(?: (\S+))? \| ([\w/]+)\.py \|$", re.MULTILINE)
 COMMANDS = re.findall(r"\./run endolock (\w+)([^`#\n]*)", BENCH.read_text())
 
 
@@ -43,8 +43,8 @@ def test_no_other_number_is_told() -> None:
 
 
 def test_every_kind_that_relaxes_a_motor_is_named() -> None:
-    shutdown = _value("hw/registers", "DEFAULT_SHUTDOWN")
-    errors = _value("hw/registers", "HARDWARE_ERRORS")
+    shutdown = _value("hw/dynamixel/registers", "DEFAULT_SHUTDOWN")
+    errors = _value("hw/dynamixel/registers", "HARDWARE_ERRORS")
     kinds = {bit: kind for bit, (kind, *_) in errors.items() if bit & shutdown}
     assert kinds == {0x04: "overheat", 0x10: "voltage", 0x20: "overload"}
     assert "| overload, overheat, electrical shock |" in SAFETY.read_text()

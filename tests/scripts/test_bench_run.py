@@ -16,13 +16,13 @@ from pathlib import Path
 import pytest
 
 from endolock.control import laws, loop
-from endolock.hw import bus_log
-from endolock.hw import registers as reg
 from endolock.hw.api import DeviceFault, HardwareError, PortGone
-from endolock.hw.bus import Bus
-from endolock.hw.port import serial_port
-from endolock.hw.wall_clock import WallClock
-from endolock.hw.wire_faults import parse
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import bus_log
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.port import serial_port
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.emulator.wire_faults import parse
 from endolock.scripts import bus, cli, recorder
 from endolock.twin.hil import HilRig
 from endolock.vision.truth import TruthEyes

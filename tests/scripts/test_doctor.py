@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from endolock.hw import video
 from endolock.hw.api import ConfigError
+from endolock.hw.camera import video_camera
 from endolock.scripts import doctor
 
 NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "video", "versions"]
@@ -127,7 +127,7 @@ def test_an_hour_of_runs_must_fit(free_gb: float, ok: bool) -> None:
 
 def test_video_devices_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     there = ["/dev/video0 (Grabber)", "/dev/video2"]
-    monkeypatch.setattr(video, "devices", lambda: there)
+    monkeypatch.setattr(video_camera, "devices", lambda: there)
     assert doctor.video() == doctor.Finding("video", True, "/dev/video0 (Grabber), /dev/video2")
     there.clear()
     assert doctor.video().text == "none; the twin needs none"

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 from tests.hw.served import Served, servo
 
-from endolock.hw import bench as benches
-from endolock.hw import registers as reg
 from endolock.hw.api import ConfigError, Mode
-from endolock.hw.bus import Bus
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Instruction
+from endolock.hw.dynamixel.port import Port, serial_port
+from endolock.hw.dynamixel.registers import Units
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.servo_model import Servo
 from endolock.hw.guard import Guard
-from endolock.hw.packets import Instruction
-from endolock.hw.port import Port, serial_port
-from endolock.hw.registers import Units
-from endolock.hw.servo import Servo
-from endolock.hw.servo_drive import ServoDrive
-from endolock.hw.wall_clock import WallClock
 from endolock.scripts import doctor, doctor_motors, doctor_serial, doctor_set_up
 from endolock.scripts.doctor import Finding
 from endolock.scripts.doctor_motors import Motor
@@ -193,7 +193,7 @@ def test_motors_as_sold_are_red_and_green_once_set_up(
         )
         assert checks["bench"] == "bench.toml: up_down 1, left_right 2 at 1000000 baud"
 
-        bench = benches.load()
+        bench = bench_file.load()
         clock = WallClock()
         names = {handle.id: axis for axis, handle in bench.handles.items()}
         drive = ServoDrive(
@@ -214,7 +214,7 @@ def test_looking_asks_and_changes_nothing() -> None:
         assert served.bus.asked == {Instruction.PING, Instruction.READ}
         assert [bytes(s._table[: reg.TICK.address]) for s in servos] == before
         assert red(findings) == ["baud", "return delay", "torque", "bench"]
-    assert not benches.USUAL.exists()
+    assert not bench_file.USUAL.exists()
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_motors_that_are_not_those_of_the_bench_file() -> None:
     other = dataclasses.replace(GOOD, id=7)
 
     def bench(text: str, *motors: Motor) -> Finding:
-        benches.USUAL.write_text(text)
+        bench_file.USUAL.write_text(text)
         *_, finding = doctor_motors.judge(motors, "PORT")
         assert finding.name == "bench"
         return finding
@@ -329,7 +329,7 @@ def test_two_motors_with_one_id_are_not_touched(bauds: tuple[int, int]) -> None:
             "connect one alone, give it another id (docs/bench.md), then both",
         )
     ]
-    assert not benches.USUAL.exists()
+    assert not bench_file.USUAL.exists()
 
 
 def test_a_port_is_told_by_its_lasting_name(tmp_path: Path) -> None:
@@ -433,7 +433,7 @@ def test_a_set_up_that_is_refused_writes_nothing() -> None:
         motor = doctor_motors.read(line, 5, 1_000_000)
         assert not set_up(line, motor).ok
         assert served.bus.asked == {Instruction.PING, Instruction.READ}
-    assert not benches.USUAL.exists()
+    assert not bench_file.USUAL.exists()
 
 
 def test_what_a_killed_program_left_is_put_right_and_no_more() -> None:
@@ -466,13 +466,13 @@ def test_a_motor_that_does_not_come_back_is_told() -> None:
         "motor 2 does not answer at 1000000 baud any more",
         "switch the motors' supply off and on, then run this again",
     )
-    assert not benches.USUAL.exists()
+    assert not bench_file.USUAL.exists()
 
 
 def test_set_up_wants_a_port_and_no_bench_file(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match=r"^--set-up goes with --port PORT; say on which port"):
         doctor.main(doctor.Request(set_up=True))
-    benches.USUAL.touch()
+    bench_file.USUAL.touch()
     text = (
         r"^bench\.toml exists, so nothing was set up; move it away to set up anew, or leave out "
         r"--set-up to look only$"

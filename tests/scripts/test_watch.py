@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from endolock.hw import camera_file
+from endolock.hw.camera import camera_file
 from endolock.scripts import cli, recorder
 
 

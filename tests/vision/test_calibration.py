@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from endolock.hw import camera_file
 from endolock.hw.api import Calibration, ConfigError
+from endolock.hw.camera import camera_file
 from endolock.twin import scenario
 from endolock.twin.studio import Place, Studio
 from endolock.vision import calibration

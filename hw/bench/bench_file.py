@@ -1,0 +1,164 @@
+"""What a bench is made of, as a TOML file: handles, line, camera and board.
+
+baud = 1000000
+board = "rings"
+[handle.up_down]            # see hw/dynamixel/handle.py
+id = 1
+direction = -1
+zero_counts = 2071
+[camera]
+source = "/dev/video0"
+calibration = "camera.toml"
+latency_s = 0.38            # from endolock latency
+"""
+
+from __future__ import annotations
+
+import tomllib
+from math import pi
+from pathlib import Path
+from typing import Self
+
+import tomli_w
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from endolock.hw import boards, files
+from endolock.hw.api import AXES, Calibration, ConfigError
+from endolock.hw.camera import camera_file
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.registers import BAUDS
+from endolock.hw.files import Section
+
+USUAL = Path("bench.toml")
+"""The file that is read where none is given, if it is there."""
+
+
+class BenchCamera(Section):
+    """The camera at the tip, and what is known of its video chain."""
+
+    source: int | str = 0
+    """Number or path of a video device, address of a stream, or a video file."""
+    calibration: Path | None = None
+    """From `endolock calibrate`; a path is counted from the bench file's folder. None: a pinhole of
+    640x480 px with f = 262 px, assumed."""
+    latency_s: float = Field(default=0.4, ge=0)
+    """Exposure to delivery [s], from `endolock latency`. Source of the default: loop latency of the
+    thesis, ch. 7; all of it in the video chain: assumed."""
+    frame_rate_hz: float | None = Field(default=None, gt=0)
+    """Asked of the device [Hz]; None: its own choice."""
+
+    def geometry(self) -> Calibration:
+        """Return the camera's geometry.
+
+        Raises:
+            ConfigError: the calibration cannot be read.
+        """
+        if self.calibration is None:
+            return Calibration(width=640, height=480, focal_px=262.0, centre_px=(319.5, 239.5))
+        return camera_file.read(self.calibration)
+
+
+class Handles(Section):
+    """Both handles."""
+
+    up_down: Handle = Handle(id=1)
+    left_right: Handle = Handle(id=2)
+
+
+class Bench(Section):
+    """A whole bench; the defaults fit two motors that were set up by `endolock doctor`."""
+
+    baud: int = 1_000_000
+    """Of the bus [1/s]; 57600 or more: at 9600 one cycle takes longer than a silence may last."""
+    board: str = "rings"
+    """Which printed board the camera looks at."""
+    handle: Handles = Handles()
+    camera: BenchCamera = BenchCamera()
+
+    @field_validator("baud")
+    @classmethod
+    def _known_baud(cls, value: int) -> int:
+        if value not in BAUDS[1:]:
+            raise ValueError(f"baud is {value}; use {', '.join(map(str, BAUDS[1:]))}")
+        return value
+
+    @field_validator("board")
+    @classmethod
+    def _known_board(cls, value: str) -> str:
+        if value not in boards.prints():
+            raise ValueError(f"board is '{value}'; use {', '.join(boards.prints())}")
+        return value
+
+    @model_validator(mode="after")
+    def _usable(self) -> Self:
+        first, second = (handle.id for handle in self.handles.values())
+        if first == second:
+            raise ValueError(f"both handles have motor {first}; give each its own id")
+        for axis, handle in self.handles.items():
+            reach = handle.ratio * max(map(abs, handle.range_rad))
+            if reach > pi:
+                raise ValueError(
+                    f"handle.{axis} may turn its motor by {reach:.2f} rad; a motor that starts "
+                    "knows its place within half a turn to either side: use a smaller range_rad"
+                )
+        return self
+
+    @property
+    def handles(self) -> dict[str, Handle]:
+        """Each axis' handle."""
+        return {axis: getattr(self.handle, axis) for axis in AXES}
+
+
+def load(path: Path | None = None) -> Bench:
+    """Read a bench.
+
+    Args:
+        path: the file; None: bench.toml in this folder, or the defaults where there is none.
+
+    Raises:
+        ConfigError: it cannot be read, or says what cannot be.
+    """
+    if path is None:
+        if not USUAL.exists():
+            return Bench()
+        path = USUAL
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        bench = Bench.model_validate(told)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read bench {path}: {error.strerror}; endolock doctor --port PORT --set-up "
+            "writes one"
+        ) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"bench {path} is not TOML: {error}; correct the file") from None
+    except ValidationError as error:
+        raise ConfigError(f"bench {path}: {files.first_problem(error, _keys)}") from None
+    camera = bench.camera
+    if camera.calibration is None:
+        return bench
+    camera = camera.model_copy(update={"calibration": path.parent / camera.calibration})
+    return bench.model_copy(update={"camera": camera})
+
+
+def save(bench: Bench, path: Path) -> None:
+    """Write a bench, whole or not at all.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(tomli_w.dumps(bench.model_dump(mode="json", exclude_none=True)), "utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}; give another folder") from None
+
+
+def _keys(place: tuple[str, ...]) -> list[str]:
+    """List the keys that may stand at a place."""
+    model: type[BaseModel] = Bench
+    for part in place:
+        kind = model.model_fields[part].annotation if part in model.model_fields else None
+        model = kind if isinstance(kind, type) and issubclass(kind, BaseModel) else model
+    return list(model.model_fields)

@@ -1,0 +1,79 @@
+"""A real bench as a rig: two servos on a serial bus, and a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from endolock.hw import boards
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.bench_file import Bench
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.camera.video_camera import VideoCamera
+from endolock.hw.dynamixel.port import serial_port
+from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES, TIMEOUT_S, Bus
+from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.emulator.bus_server import BITS
+from endolock.hw.guard import Guard
+from endolock.hw.lifecycle import Leaving
+
+
+class SerialRig(Leaving):
+    """A bench; it takes the place of a `TwinRig`, and knows no truth.
+
+    Laboratory software, not a medical device; see docs/safety.md.
+
+    Args:
+        port: serial port, best one of those in /dev/serial/by-id, which find the adapter again.
+        bench: what the bench is made of, or its file; bench.toml of this folder if None.
+        latency_s: of the video chain, in place of the bench's [s].
+
+    Raises:
+        ConfigError: the bench file or the camera cannot be used.
+    """
+
+    overview = None
+    tracker = None
+    truth = None
+
+    def __init__(
+        self,
+        port: str | Path,
+        bench: Bench | Path | None = None,
+        *,
+        latency_s: float | None = None,
+    ) -> None:
+        self.bench = made = bench if isinstance(bench, Bench) else bench_file.load(bench)
+        self.clock = WallClock()
+        names = {handle.id: axis for axis, handle in made.handles.items()}
+        timeout_s = TIMEOUT_S + BITS * CYCLE_BYTES / made.baud
+        self.line = Bus(serial_port(port, made.baud), self.clock, names, timeout_s)
+        self.drive = ServoDrive(self.line, self.clock, made.handles)
+        self.actuators = Guard(self.drive)
+        self.board = boards.prints()[made.board].geometry
+        self.camera = VideoCamera(
+            made.camera.source,
+            made.camera.geometry(),
+            self.clock,
+            latency_s=made.camera.latency_s if latency_s is None else latency_s,
+            frame_rate_hz=made.camera.frame_rate_hz,
+        )
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return bench, camera, board and line as plain values."""
+        return {
+            "bench": self.bench.model_dump(mode="json"),
+            "calibration": asdict(self.camera.calibration),
+            "board": asdict(self.board),
+            "line": self.drive.describe(),
+        }
+
+    def close(self) -> None:
+        """Switch the handles off, let go of port and camera; may be called twice."""
+        try:
+            self.actuators.close()
+        finally:
+            self.line.close()
+            self.camera.close()

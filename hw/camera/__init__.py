@@ -1,0 +1,1 @@
+"""Cameras of a bench: devices, recordings, calibration files, picture streams."""

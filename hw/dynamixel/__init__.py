@@ -1,0 +1,1 @@
+"""The servo bus: packets, registers, ports, and the drive of two handles."""

@@ -1,0 +1,330 @@
+"""The host's side of a servo bus: requests out, answers in, each within its time.
+
+Protocol 2.0 numbers nothing, so an answer that comes late looks like that to the next request:
+what is left of the past is thrown away before each request, and a cycle lets its caller judge
+every block that comes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from struct import pack
+from typing import NamedTuple
+
+from endolock.hw.api import Clock, ConfigError, HardwareError, LinkError, LinkLost
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.bus_log import BusLog
+from endolock.hw.dynamixel.packets import (
+    ALERT,
+    BROADCAST,
+    Instruction,
+    Packet,
+    Parser,
+    Refusal,
+    encode,
+    split_fast,
+)
+from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.registers import Register
+
+TIMEOUT_S = 0.020
+"""Longest wait for the answers to one request [s]. Assumed: an adapter's 16 ms and some."""
+CYCLE_BYTES = 100
+"""Of two requests and two answers on the line."""
+TRIES = 3
+"""Requests that are answered one by one are repeated so often."""
+
+Accept = Callable[[int, bytes, float, float], bool]
+"""Judges a block: place of the motor, its bytes, when the request went out and when the block came
+[s]; whether it answers that request."""
+
+
+class Cycle(NamedTuple):
+    """What came of one request to all motors."""
+
+    blocks: list[bytes | None]
+    """The accepted block of each motor; None where there was none."""
+    sent_at: float
+    """When the request went out [s]."""
+    done_at: float
+    """When the last bytes came in [s]; if none, when the request went out."""
+
+
+class Bus:
+    """Motors on one port.
+
+    Args:
+        port: the line; opened and closed by `open` and `close`.
+        clock: stamps errors.
+        names: what each motor moves, by id, for messages.
+        timeout_s: see `TIMEOUT_S`.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        names: Mapping[int, str],
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        self.port, self._clock, self._names = port, clock, names
+        self._timeout_s = timeout_s
+        self._log: BusLog | None = None
+        self._unlogged: ConfigError | None = None
+        self._parser = Parser()
+        self._ids = tuple(names)
+        self._places = {device: place for place, device in enumerate(self._ids)}
+        block = pack("<HH", reg.INDIRECT_DATA.address, reg.BLOCK_SIZE) + bytes(self._ids)
+        self._read_blocks = encode(BROADCAST, Instruction.SYNC_READ, block)
+        self._goals = pack("<HH", *reg.GOAL_POSITION)
+
+    def open(self) -> None:
+        """Open the port, or open it again."""
+        self._told(self.port.open)
+        self._parser.reset()
+
+    def record(self, path: Path) -> None:
+        """Keep every byte from now on in a new file; see `hw/dynamixel/bus_log.py`.
+
+        Raises:
+            ConfigError: it cannot be written.
+        """
+        self._log = BusLog(path)
+
+    def close(self) -> None:
+        """Close the port, and the log where there is one.
+
+        Raises:
+            ConfigError: the log broke off, some time before.
+        """
+        self.port.close()
+        if self._log:
+            self._log.close()
+            self._log = None
+        if self._unlogged:
+            error, self._unlogged = self._unlogged, None
+            raise error
+
+    def ping(self, device: int) -> tuple[int, int]:
+        """Return model number and firmware version of a motor."""
+        data = self._ask(device, Instruction.PING, b"", size=3)
+        return int.from_bytes(data[:2], "little"), data[2]
+
+    def scan(self) -> dict[int, tuple[int, int]]:
+        """Return model number and firmware of every motor that answers to a broadcast ping."""
+        found = {}
+        for packet in self._collect(encode(BROADCAST, Instruction.PING)):
+            if len(packet.parameters) == 4:
+                _, low, high, firmware = packet.parameters
+                found[packet.id] = low + 256 * high, firmware
+        return found
+
+    def read(self, device: int, register: Register) -> int:
+        """Read a register as a signed number."""
+        data = self._ask(device, Instruction.READ, pack("<HH", *register), size=register.size)
+        return int.from_bytes(data, "little", signed=True)
+
+    def write(self, device: int, register: Register, value: int | bytes) -> None:
+        """Write a register.
+
+        Raises:
+            HardwareError: the motor refused.
+        """
+        if isinstance(value, int):
+            value = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
+        self._ask(device, Instruction.WRITE, pack("<H", register.address) + value, size=0)
+
+    def reboot(self, device: int) -> None:
+        """Let a motor start anew; it answers again after a moment."""
+        with suppress(LinkLost):  # it may be on its way before its answer is heard
+            self._ask(device, Instruction.REBOOT, b"", size=0)
+
+    def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
+        """Write one register of several motors at once; nobody answers."""
+        size = register.size
+        data = pack("<HH", *register)
+        for device, value in values.items():
+            data += bytes((device,)) + (value % (1 << 8 * size)).to_bytes(size, "little")
+        request = encode(BROADCAST, Instruction.SYNC_WRITE, data)
+        self._told(lambda: self._send(request))
+
+    def sync_read(
+        self, devices: Sequence[int], register: Register, *, fast: bool = False
+    ) -> dict[int, int]:
+        """Read one register of several motors at once, as signed numbers; who is silent is missing.
+
+        Args:
+            devices: ids.
+            register: where.
+            fast: let them answer in one packet, which needs a firmware that knows it.
+        """
+        kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
+        data = pack("<HH", *register) + bytes(devices)
+        who = (BROADCAST,) if fast else tuple(devices)
+        found = {}
+        for packet in self._collect(encode(BROADCAST, kind, data), who):
+            parts = [(packet.parameters[0], packet.id, packet.parameters[1:])]
+            if fast:
+                parts = split_fast(packet.parameters, register.size)
+            for _, device, part in parts:
+                if len(part) == register.size:
+                    found[device] = int.from_bytes(part, "little", signed=True)
+        return found
+
+    def bulk_read(self, registers: Mapping[int, Register]) -> dict[int, int]:
+        """Read another register of each motor at once, as signed numbers; who is silent is missing.
+
+        Args:
+            registers: by id.
+        """
+        data = b"".join(pack("<BHH", device, *r) for device, r in registers.items())
+        request = encode(BROADCAST, Instruction.BULK_READ, data)
+        answers = {p.id: p.parameters[1:] for p in self._collect(request, tuple(registers))}
+        return {
+            device: int.from_bytes(answers[device], "little", signed=True)
+            for device, register in registers.items()
+            if len(answers.get(device, b"")) == register.size
+        }
+
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
+        """Send all goals and read all blocks, in one go.
+
+        Args:
+            goals: of each motor [counts]; None to read only.
+            accept: judges each block.
+
+        Raises:
+            PortGone: the port was unplugged.
+        """
+        request = self._read_blocks
+        if goals is not None:
+            parts = (
+                bytes((i,)) + g.to_bytes(4, "little", signed=True)
+                for i, g in zip(self._ids, goals, strict=True)
+            )
+            data = self._goals + b"".join(parts)
+            request = encode(BROADCAST, Instruction.SYNC_WRITE, data) + request
+        found: list[bytes | None] = [None] * len(self._ids)
+        missing = len(found)
+        try:
+            self._drain()
+            sent_at = done_at = self._send(request)
+            give_up = time.monotonic() + self._timeout_s
+            while missing:
+                data, came_at = self._receive(give_up - time.monotonic())
+                if not data:
+                    break
+                done_at = came_at
+                for packet in self._parser.feed(data):
+                    place = self._places.get(packet.id, -1)
+                    if (
+                        place < 0
+                        or packet.instruction != Instruction.STATUS
+                        or len(packet.parameters) != 1 + reg.BLOCK_SIZE
+                        or packet.parameters[0] & ~ALERT
+                        or found[place] is not None
+                    ):
+                        continue
+                    if accept(place, packet.parameters[1:], sent_at, came_at):
+                        found[place] = packet.parameters[1:]
+                        missing -= 1
+        except LinkError as error:
+            error.t = self._clock.now()
+            raise
+        return Cycle(found, sent_at, done_at)
+
+    def _ask(self, device: int, kind: Instruction, parameters: bytes, *, size: int) -> bytes:
+        """Send a request to one motor until it answers; return the data of the answer."""
+        request = encode(device, kind, parameters)
+        for _ in range(TRIES):
+            for packet in self._collect(request, (device,)):
+                error, data = packet.parameters[0] & ~ALERT, packet.parameters[1:]
+                if error == Refusal.CRC:
+                    continue
+                if error:
+                    why = Refusal(error).text if error in list(Refusal) else f"error {error}"
+                    raise HardwareError(
+                        f"handle motor {self._named(device)} refused to "
+                        f"{kind.name.lower()} {parameters.hex(' ')} ({why}); see its control table "
+                        "in hw/PROTOCOL.md",
+                        t=self._clock.now(),
+                        axis=self._names.get(device),
+                    )
+                if len(data) == size:
+                    return data
+        raise LinkLost(
+            f"handle motor {self._named(device)} did not answer within {self._timeout_s:.3f} s on "
+            f"{self.port.name} ({TRIES} tries); check power and cable, then run endolock doctor",
+            t=self._clock.now(),
+            axis=self._names.get(device),
+        )
+
+    def _collect(self, request: bytes, who: Collection[int] | None = None) -> list[Packet]:
+        """Send a request; return the status packet of each of these ids, or of all that come.
+
+        Args:
+            request: what to send.
+            who: ids whose answers are waited for, one each; None: all that come in time.
+        """
+        found: list[Packet] = []
+
+        def talk() -> None:
+            self._drain()
+            self._send(request)
+            give_up = time.monotonic() + self._timeout_s
+            while who is None or len(found) < len(who):
+                data, _ = self._receive(give_up - time.monotonic())
+                if not data:
+                    return
+                for packet in self._parser.feed(data):
+                    answers = packet.instruction == Instruction.STATUS and packet.parameters
+                    if answers and (who is None or packet.id in who):
+                        found.append(packet)
+
+        self._told(talk)
+        return found
+
+    def _drain(self) -> None:
+        """Throw away what is left of the past."""
+        self._parser.reset()
+        for _ in range(64):  # who never falls silent is no bus; then let the caller see nothing
+            if not self._receive(0.0)[0]:
+                return
+
+    def _send(self, data: bytes) -> float:
+        """Send; return when [s], as in the log."""
+        now = self._clock.now()
+        self.port.send(data)
+        self._keep(now, False, data)
+        return now
+
+    def _receive(self, timeout_s: float) -> tuple[bytes, float]:
+        """Return what has come, and when [s], as in the log."""
+        data = self.port.receive(timeout_s)
+        now = self._clock.now()
+        if data:
+            self._keep(now, True, data)
+        return data, now
+
+    def _keep(self, t: float, came_in: bool, data: bytes) -> None:
+        """Log bytes; a log that cannot be written must not stop whoever stops the motors."""
+        if self._log:
+            try:
+                self._log.append(t, came_in, data)
+            except ConfigError as error:
+                self._log.close()
+                self._log, self._unlogged = None, error
+
+    def _told(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except LinkError as error:
+            error.t = self._clock.now()
+            raise
+
+    def _named(self, device: int) -> str:
+        name = self._names.get(device)
+        return f"{device} ({name})" if name else str(device)

@@ -1,0 +1,1 @@
+"""Emulated servos: their behaviour, their bus, its serial line and its faults."""

@@ -1,0 +1,74 @@
+"""Servos driven without a bus: the same registers, the same refusals, no bytes on a line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from endolock.hw.api import Clock, HardwareError
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.registers import Register
+from endolock.hw.dynamixel.servo_bus import Accept, Cycle
+from endolock.hw.emulator.servo_model import Refused, Servo
+
+
+class DirectLink:
+    """See `hw.servo_setup.Link`.
+
+    Args:
+        servos: in the order of their blocks.
+        clock: stamps errors.
+    """
+
+    def __init__(self, servos: Sequence[Servo], clock: Clock) -> None:
+        self._servos, self._clock = tuple(servos), clock
+
+    def open(self) -> None:
+        """Nothing to do: they are always there."""
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+    def ping(self, device: int) -> tuple[int, int]:
+        """Return model number and firmware version of a servo."""
+        return self.read(device, reg.MODEL), self.read(device, reg.FIRMWARE)
+
+    def read(self, device: int, register: Register) -> int:
+        """Read a register as a signed number."""
+        return int.from_bytes(self._servo(device).read(*register), "little", signed=True)
+
+    def write(self, device: int, register: Register, value: int | bytes) -> None:
+        """Write a register."""
+        if isinstance(value, int):
+            value = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
+        try:
+            self._servo(device).write(register.address, value)
+        except Refused as refused:
+            raise HardwareError(
+                f"handle motor {device} refused to write register {register.address} ({refused})",
+                t=self._clock.now(),
+            ) from None
+
+    def reboot(self, device: int) -> None:
+        """Let a servo start anew."""
+        self._servo(device).reboot()
+
+    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
+        """Set all goals and read all blocks."""
+        found: list[bytes | None] = []
+        now = self._clock.now()
+        for place, servo in enumerate(self._servos):
+            servo.heard()
+            if goals is not None:
+                try:
+                    data = goals[place].to_bytes(4, "little", signed=True)
+                    servo.write(reg.GOAL_POSITION.address, data)
+                except Refused:
+                    pass  # the block shows it, as on a bus
+            block = servo.read(reg.INDIRECT_DATA.address, reg.BLOCK_SIZE) if servo.awake else b""
+            found.append(block if block and accept(place, block, now, now) else None)
+        return Cycle(found, now, now)
+
+    def _servo(self, device: int) -> Servo:
+        servo = next(servo for servo in self._servos if servo.id == device)
+        servo.heard()
+        return servo

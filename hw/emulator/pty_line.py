@@ -1,0 +1,135 @@
+"""The emulator's end of a serial line: a pseudo-terminal that clients open like a port.
+
+A pty has no line: bytes arrive at once and whole, its baud rate is but a number, and root may open
+it however exclusive it is.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+import tty
+from pathlib import Path
+
+from endolock.hw.api import ConfigError
+from endolock.hw.dynamixel.port import baud_of
+
+SPIN_S = 2e-4
+"""The rest of a wait is spent looking at the clock [s]; the system wakes late."""
+
+
+class PtyLine:
+    """One line, plugged in when made.
+
+    Args:
+        link: symbolic link to make to the client's end, so that its name lasts; none if None.
+
+    Raises:
+        ConfigError: the link cannot be made.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        self._link = link
+        self._name = ""
+        self._master = -1
+        self.path = ""
+        """The client's end; the link, if there is one."""
+        self.plug_in()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether clients can reach it."""
+        return self._master >= 0
+
+    @property
+    def baud(self) -> int:
+        """Baud rate that the client has set [1/s]."""
+        return baud_of(self._master)
+
+    def fileno(self) -> int:
+        """For select and poll; -1 while unplugged."""
+        return self._master
+
+    def plug_in(self) -> None:
+        """Make a new line; it has a new name, and the link leads to it."""
+        self.unplug()
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self.path = self._name = os.ttyname(slave)
+        os.close(slave)  # the client's to open; while nobody has it, poll tells of a hang-up
+        self._master = master
+        if self._link is not None:
+            try:
+                self._point(self._name, self._link)
+            except ConfigError:
+                self.unplug()
+                raise
+            self.path = str(self._link)
+
+    def unplug(self) -> None:
+        """Pull the plug: clients see a hang-up."""
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+
+    def read(self) -> bytes:
+        """Return what has come; nothing where none has, or nobody has opened it."""
+        try:
+            return os.read(self._master, 4096)
+        except OSError:  # nothing there, or no client
+            return b""
+
+    def write(self, data: bytes) -> None:
+        """Send to the client; lost where there is none, as on a wire."""
+        try:
+            while data:
+                data = data[os.write(self._master, data) :]
+        except OSError:
+            return
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for bytes; return whether there may be some. Without a client, just wait."""
+        if self._master < 0:
+            time.sleep(timeout_s)
+            return False
+        readable, _, _ = select.select([self._master], [], [], timeout_s)
+        if not readable:
+            return False
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        if any(flags & select.POLLIN for _, flags in poll.poll(0)):
+            return True
+        time.sleep(min(timeout_s, 0.005))  # nobody has it open, and nothing tells when
+        return False
+
+    def close(self) -> None:
+        """Unplug and remove the link, unless it leads elsewhere now; may be called twice."""
+        self.unplug()
+        link, self._link = self._link, None
+        if link is not None and link.is_symlink() and str(link.readlink()) == self._name:
+            link.unlink()
+
+    @staticmethod
+    def _point(name: str, link: Path) -> None:
+        if link.exists() and not link.is_symlink():
+            raise ConfigError(f"{link} exists and is no link; give another --link")
+        part = link.with_name(link.name + ".part")
+        try:
+            part.unlink(missing_ok=True)
+            part.symlink_to(name)
+            part.replace(link)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot make the link {link}: {error.strerror}; give another --link"
+            ) from None
+
+
+def sleep_to(deadline: float) -> None:
+    """Return at a reading of `time.monotonic()` [s], to some microseconds."""
+    left = deadline - time.monotonic()
+    if left > SPIN_S:
+        time.sleep(left - SPIN_S)
+    while time.monotonic() < deadline:
+        pass
