@@ -1,7 +1,8 @@
 """What linear theory and describing functions say of a loop; with python-control, off line.
 
-The loop is L(s) = C(s) K exp(-L s)/(T s + 1), with the process of control/process.py and a law's
-response C from error to handle. Dead time is exact: margins are read off the frequency response.
+The loop is L(s) = C(s) K exp(-L s)/(T s + 1), with the process of
+control/transmission/linear_process.py and a law's response C from error to handle. Dead time is
+exact: margins are read off the frequency response.
 
 Reference:
     K. J. Astrom and R. M. Murray, Feedback Systems, 2nd ed., ch. 10 (margins, describing
@@ -20,14 +21,14 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
-from endolock.control.hysteresis_compensation import PIHCSettings, SimcHCSettings
-from endolock.control.ik_sync import IKSyncSettings
-from endolock.control.inverse_kinematics import IKSettings
-from endolock.control.kinematics import SectionGeometry
-from endolock.control.pi import PISettings
-from endolock.control.pi_simc import SimcSettings
-from endolock.control.process import HOLD_S, Process, image_gain, simc
-from endolock.control.smith import SmithSettings
+from endolock.control.laws.hysteresis_compensation import PIHCSettings, SimcHCSettings
+from endolock.control.laws.ik_sync import IKSyncSettings
+from endolock.control.laws.inverse_kinematics import IKSettings
+from endolock.control.laws.pi import PISettings
+from endolock.control.laws.pi_simc import SimcSettings
+from endolock.control.laws.smith import SmithSettings
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.hw.api import Vector
 
 OMEGA = np.geomspace(1e-2, 3e2, 6000)

@@ -23,7 +23,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from endolock.control import laws, loop
+from endolock.control import loop, registry
 from endolock.control.loop import Seen
 from endolock.hw.api import Command, Frame
 from endolock.scripts import (
@@ -183,7 +183,7 @@ def surrogate() -> dict[str, float]:
 
     def locked() -> None:
         with SurrogateRig("straight", transmission=plays) as rig:
-            law = laws.make("pi", rig.camera.calibration)
+            law = registry.make("pi", rig.camera.calibration)
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=RUN_S)
 
     rig_s, loop_s = _times(driven, locked)
@@ -270,7 +270,7 @@ def _unlogged(scenario: str) -> float:
         with TwinRig(scenario) as rig:
             rig.clock.sleep_until(0.0)
             camera = rig.camera.calibration
-            eyes, law = MarkerEyes(camera, rig.board), laws.make("pi", camera)
+            eyes, law = MarkerEyes(camera, rig.board), registry.make("pi", camera)
             start = time.perf_counter()
             loop.run(rig, eyes, law, duration_s=RUN_S)
             factors.append(RUN_S / (time.perf_counter() - start))

@@ -9,7 +9,7 @@ from math import inf, pi, radians
 import mujoco
 import numpy as np
 
-from endolock.control.quasi_static import Cable
+from endolock.control.transmission.quasi_static import Cable
 from endolock.hw.api import AXES, Vector
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument, Numerics

@@ -10,7 +10,7 @@ from math import degrees, exp, pi, radians
 import mujoco
 import numpy as np
 
-from endolock.control import quasi_static
+from endolock.control.transmission import quasi_static
 from endolock.hw.api import AXES
 from endolock.scripts.checks import (
     ONE_WIRE,
@@ -214,7 +214,7 @@ def loop_widths() -> float:
 @check(
     CHECKS,
     "bends in slow loops of both signs and sizes, each instrument",
-    against="quasi-static solution, control/quasi_static.py",
+    against="quasi-static solution, control/transmission/quasi_static.py",
     unit="deg",
     high=0.1,
     why="damping at 0.1 rad/s",

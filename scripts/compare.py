@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import tyro
 from rich.console import Console
 
-from endolock.control import laws
+from endolock.control import registry
 from endolock.hw.api import ConfigError
 from endolock.scripts import output, record_table, recorder, rigs, run, theory, variation
 from endolock.vision.observation import Status
@@ -191,7 +191,7 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
         if not getattr(request, what):
             raise ConfigError(f"no {what} given; name at least one after --{what}")
     for name in request.controllers:
-        laws.check(name)
+        registry.check(name)
     if place:
         require_empty(place)
     variations = [one for entry in request.vary for one in variation.expand(entry)]

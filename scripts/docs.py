@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from endolock.control.identification import Log, fit
-from endolock.control.quasi_static import Geometry
+from endolock.control.identification.fits import Log, fit
+from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import (
     ablation,
     benchmark,

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from endolock.control.identification import STEP_RAD, Log
-from endolock.control.quasi_static import thin
+from endolock.control.identification.fits import STEP_RAD, Log
+from endolock.control.transmission.quasi_static import thin
 from endolock.hw.api import AXES, ConfigError, Pose, Vector
 from endolock.scripts import recorder
 

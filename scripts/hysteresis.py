@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from endolock.control.hysteresis_loop import Branch, deadband, lost_after_turn, width
+from endolock.control.identification.hysteresis_loop import Branch, deadband, lost_after_turn, width
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts import output, recorder, rigs
 from endolock.scripts.hysteresis_protocol import SPEED_RAD_S, TURNS_DEG, Protocol, Strokes

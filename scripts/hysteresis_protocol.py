@@ -8,7 +8,7 @@ from math import degrees, inf, isfinite
 
 import numpy as np
 
-from endolock.control.hysteresis_loop import FOLLOWED_RAD, Branch
+from endolock.control.identification.hysteresis_loop import FOLLOWED_RAD, Branch
 from endolock.control.loop import PERIOD_S, Recorder, Tick, ticks
 from endolock.hw.api import AXES, Command, ConfigError, Rig, Vector
 from endolock.vision.observation import Status

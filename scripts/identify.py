@@ -13,8 +13,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from endolock.control.identification import Fit, fit
-from endolock.control.quasi_static import Geometry
+from endolock.control.identification.fits import Fit, fit
+from endolock.control.transmission.quasi_static import Geometry
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts import handle_logs, output, recorder
 from endolock.twin import instruments

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from endolock.control import hysteresis, identification
-from endolock.control.hysteresis import Plays
-from endolock.control.identification import Log
-from endolock.control.internal_model import RADII
-from endolock.control.kinematics import SectionGeometry
-from endolock.control.process import image_gain
-from endolock.control.quasi_static import Cable, Geometry, Transmission
+from endolock.control.identification import fits
+from endolock.control.identification.fits import Log
+from endolock.control.predictive.internal_model import RADII
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import image_gain
+from endolock.control.transmission.plays import Plays, fit, play
+from endolock.control.transmission.quasi_static import Cable, Geometry, Transmission
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli, output, recorder, run
 from endolock.scripts.checks import cable_of
@@ -97,14 +97,14 @@ def _fitted_plays(log: Log, radii: tuple[float, ...]) -> Vector:
         if np.ptp(bend) < RESTS_RAD:
             columns.append(np.zeros(len(handle)))
             continue
-        plays, _ = hysteresis.fit(handle, bend, radii)
+        plays, _ = fit(handle, bend, radii)
         columns.append(_forward(plays, handle))
     return np.column_stack(columns)
 
 
 def _forward(plays: Plays, handle: Vector) -> Vector:
     return sum(
-        (w * hysteresis.play(handle, r) for r, w in zip(plays.radii, plays.weights, strict=True)),
+        (w * play(handle, r) for r, w in zip(plays.radii, plays.weights, strict=True)),
         np.zeros(len(handle)),
     )
 
@@ -113,7 +113,7 @@ def _fitted_cable(log: Log) -> Cable:
     """Fit the axis that moved farther, over the first half; the other one is made alike."""
     half = len(log.t) // 2
     first = Log(log.t[:half], log.handle[:half], log.bend[:half])
-    return identification.fit(first, Geometry()).cable
+    return fits.fit(first, Geometry()).cable
 
 
 def _capstan(log: Log, cable: Cable) -> Vector:

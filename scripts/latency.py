@@ -16,7 +16,8 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from endolock.control import latency, loop
+from endolock.control import loop
+from endolock.control.identification import latency_estimate
 from endolock.hw.api import AXES, Command, ConfigError, Frame
 from endolock.scripts import output, rigs
 from endolock.scripts.progress import progress
@@ -107,7 +108,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         bench=rigs.bench_of(request.rig, request.bench),
     )
     axis = AXES.index(request.axis)
-    duration_s = LEAD_S + request.strokes * STROKE_S + latency.LONGEST_S
+    duration_s = LEAD_S + request.strokes * STROKE_S + latency_estimate.LONGEST_S
     turning = EgoMotion(rig.camera.calibration)
     times, handles = [], []
     frames: list[tuple[float, int, float]] = []
@@ -135,8 +136,8 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
             command = Command(position=goal)
             tell(t)
     delivered, seq, rotation = (np.array(column) for column in zip(*frames, strict=True))
-    motion = latency.strokes(np.array(times), np.array(handles))
-    found = latency.measure(motion, delivered, seq, rotation[1:])
+    motion = latency_estimate.strokes(np.array(times), np.array(handles))
+    found = latency_estimate.measure(motion, delivered, seq, rotation[1:])
     if isinstance(found, str):
         raise ConfigError(f"no latency measured: {found}")
     return {

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from endolock.control import laws
-from endolock.control.hysteresis import play
-from endolock.control.hysteresis_compensation import CompensationSettings, Direction, follow
-from endolock.control.kinematics import SectionGeometry
+from endolock.control import registry
+from endolock.control.laws.hysteresis_compensation import CompensationSettings, Direction, follow
+from endolock.control.laws.pi import PISettings
 from endolock.control.loop import PERIOD_S
-from endolock.control.pi import PISettings
-from endolock.control.process import HOLD_S, Process, image_gain, simc
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
+from endolock.control.transmission.plays import play
 from endolock.hw.api import Command, Vector
 from endolock.scripts import batch
 from endolock.scripts.output import markdown
@@ -51,8 +51,10 @@ def process() -> Answer:
     text += f"no hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
     rows = []
-    for name in laws.LAWS:
-        if name == "repetitive" or not (response := analysis.response(laws.configure(name), loop)):
+    for name in registry.LAWS:
+        if name == "repetitive" or not (
+            response := analysis.response(registry.configure(name), loop)
+        ):
             continue  # has no linear part, or none without a period
         m = analysis.margins(response, loop)
         rows.append([name, f"{m.gain:.1f}", f"{m.phase_deg:.0f} deg", f"{m.dead_s:.2f} s"])

@@ -11,7 +11,7 @@ import time
 import timeit
 from statistics import median
 
-from endolock.control import laws, loop
+from endolock.control import loop, registry
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel.packets import crc
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
@@ -89,7 +89,7 @@ def _lock_step() -> float:
     factors = []
     for _ in range(3):
         with HilRig("straight", pictures=False) as rig:
-            law, eyes = laws.make("pi", rig.camera.calibration), TruthEyes(rig.truth)
+            law, eyes = registry.make("pi", rig.camera.calibration), TruthEyes(rig.truth)
             start = time.perf_counter()
             loop.run(rig, eyes, law, duration_s=RUN_S)
             factors.append(RUN_S / (time.perf_counter() - start))
@@ -99,7 +99,7 @@ def _lock_step() -> float:
 def _overruns() -> float:
     """Share of the ticks at 100 Hz that were missed in wall time."""
     with HilRig("straight", pictures=False, wall=True) as rig:
-        law, eyes = laws.make("pi", rig.camera.calibration), TruthEyes(rig.truth)
+        law, eyes = registry.make("pi", rig.camera.calibration), TruthEyes(rig.truth)
         run = loop.run(rig, eyes, law, duration_s=CONTROL_S, period_s=0.01)
     skipped = sum(tick.skipped for tick in run.ticks)
     return skipped / (len(run.ticks) + skipped)

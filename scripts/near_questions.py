@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from endolock.control.kinematics import SectionGeometry
-from endolock.control.process import HOLD_S, Process, image_gain, simc
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.scripts import batch, run
 from endolock.scripts.batch import Done
 from endolock.scripts.output import markdown

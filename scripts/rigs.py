@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from endolock.control import hysteresis, quasi_static
-from endolock.control.hysteresis import ONE_PLAY, Plays
-from endolock.control.quasi_static import Geometry
+from endolock.control.transmission import plays, quasi_static
+from endolock.control.transmission.plays import ONE_PLAY, Plays
+from endolock.control.transmission.quasi_static import Geometry
 from endolock.hw.api import ConfigError, Vector
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
@@ -211,7 +211,7 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
     still = np.zeros(len(handle))
     wires = wires_of(instrument, shaft_deg)
     bend, _ = quasi_static.simulate(wires.cable, wires.geometry, handle, still, still)
-    return hysteresis.fit(handle, bend, radii)[0]
+    return plays.fit(handle, bend, radii)[0]
 
 
 def exercise(largest_rad: float = 1.4, step_rad: float = 0.02) -> Vector:

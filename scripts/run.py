@@ -11,9 +11,9 @@ from typing import Annotated, Any, NamedTuple
 import tyro
 from rich.console import Console
 
-from endolock.control import laws, loop, metrics
-from endolock.control.kinematics import SectionGeometry
-from endolock.control.process import HOLD_S, Process, image_gain
+from endolock.control import loop, metrics, registry
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain
 from endolock.hw.api import ConfigError
 from endolock.hw.bench.bench_file import Bench
 from endolock.scripts import output, record_table, recorder, rigs, variation
@@ -144,7 +144,7 @@ def resolve(request: Request) -> Resolved:
     Raises:
         ConfigError: the request cannot be carried out.
     """
-    laws.check(request.controller)
+    registry.check(request.controller)
     rigs.check(request.rig, request.vision)
     selection(request.select)
     bench = rigs.bench_of(request.rig, request.bench)
@@ -169,7 +169,7 @@ def resolve(request: Request) -> Resolved:
     if request.controller == "oracle":
         shaft_deg = scenario.shaft_bend_deg
         known["plays"] = rigs.plays_behind(request.rig, task.instrument, shaft_deg)
-    settings = laws.configure(request.controller, task.law, known)
+    settings = registry.configure(request.controller, task.law, known)
     if task.law and not request.force:
         _check_stable(request.controller, settings, scenario)
     return Resolved(scenario, task.instrument, settings, task.changes, bench)
@@ -232,7 +232,7 @@ def perform(
     with closing() as asked, rig:
         if asked:
             raise KeyboardInterrupt
-        controller = laws.make(request.controller, rig.camera.calibration, settings, rig.truth)
+        controller = registry.make(request.controller, rig.camera.calibration, settings, rig.truth)
         law = Path(request.controller).stem
         name = f"{scenario.name}-{law}"
         path = request.out or recorder.new_path(Path("runs"), name)

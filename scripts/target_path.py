@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from endolock.control import kinematics, metrics
-from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.control import metrics
+from endolock.control.transmission import kinematics
+from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Pose, Vector
 from endolock.twin import optics

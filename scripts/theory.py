@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from endolock.control.process import HOLD_S, LAG_S, Process
+from endolock.control.transmission.linear_process import HOLD_S, LAG_S, Process
 from endolock.scripts import run
 from endolock.twin import optics
 from endolock.twin.motion import Random

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from endolock.control import analysis
-from endolock.control.pi import PISettings
+from endolock.control.laws.pi import PISettings
 from endolock.scripts import batch, cli, run, thesis
 from endolock.scripts.batch import FOLLOWED
 from endolock.scripts.output import markdown

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from endolock.control import laws, loop
+from endolock.control import loop, registry
 from endolock.control.loop import Controller
 from endolock.hw.api import Command, State, Vector
 from endolock.scripts import rigs
@@ -60,10 +60,10 @@ def p99() -> dict[str, float]:
 def _taken() -> dict[str, Vector]:
     plays = rigs.plays_of(Instrument(), 180.0)
     result = {}
-    for name in laws.LAWS:
-        settings = laws.configure(name, known={"period_s": STROKE_S, "plays": plays})
+    for name in registry.LAWS:
+        settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})
         with SurrogateRig("straight", transmission=plays) as rig:
-            law = Timed(laws.make(name, rig.camera.calibration, settings, rig.truth))
+            law = Timed(registry.make(name, rig.camera.calibration, settings, rig.truth))
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=DURATION_S)
         result[name] = np.array(law.taken)
     return result

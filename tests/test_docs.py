@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from endolock.control import laws
+from endolock.control import registry
 from endolock.scripts import docs
 from endolock.twin import generate
 
@@ -38,7 +38,7 @@ def test_the_readme_compares_with_what_moves_as_the_benchmark_has_it() -> None:
     assert promised
     page = ROOT / "docs/benchmark.md"
     head = _row(page, "| scenario")
-    simple = [name for name in laws.LAWS if name not in NOT_SIMPLE]
+    simple = [name for name in registry.LAWS if name not in NOT_SIMPLE]
     measured = []
     for name in ("straight", "circle"):
         told = dict(zip(head, _row(page, f"| {name} |"), strict=True))

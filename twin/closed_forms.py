@@ -14,7 +14,7 @@ from math import cos, sin
 import numpy as np
 from scipy.optimize import root
 
-from endolock.control import cable
+from endolock.control.transmission import cable
 from endolock.hw.api import Vector
 from endolock.twin.instrument import Instrument
 

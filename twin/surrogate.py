@@ -4,10 +4,10 @@ Behind the same rig API, so that laws can be tried in seconds:
 
     servos (first-order lag) -> transmission -> constant-curvature section -> projection.
 
-The transmission is weighted plays, both axes alike and independent (control/hysteresis.py), or
-wires that rub, whose loops widen with the bend of both axes (control/quasi_static.py): friction as
-in the thesis' eq. 3.29 with the kinematics that its laws use, the kind of model that it simulated.
-No pushes, no shaft that moves, no inertia.
+The transmission is weighted plays, both axes alike and independent (control/transmission/plays.py),
+or wires that rub, whose loops widen with the bend of both axes
+(control/transmission/quasi_static.py): friction as in the thesis' eq. 3.29 with the kinematics that
+its laws use, the kind of model that it simulated. No pushes, no shaft that moves, no inertia.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
-from endolock.control import kinematics
-from endolock.control.kinematics import Pair, SectionGeometry
+from endolock.control.transmission import kinematics
+from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.drive import Reading

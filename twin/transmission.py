@@ -2,9 +2,10 @@
 
 MuJoCo has no capstan friction, so each wire is cut: handle - spring - node - spring - section, with
 several nodes for loads that matter at the handle. The nodes slide with dry friction; stiffness of
-the springs and friction bounds follow from bend and tensions by the law of `control/cable.py`:
-slip slopes, plateau on reversal and T_in/T_out = exp(+-(a+b)) of an elastic cable in a curved
-conduit, with a = mu Theta of the shaft and b = mu_b |bend| of the section.
+the springs and friction bounds follow from bend and tensions by the law of
+`control/transmission/cable.py`: slip slopes, plateau on reversal and T_in/T_out = exp(+-(a+b)) of
+an elastic cable in a curved conduit, with a = mu Theta of the shaft and b = mu_b |bend| of the
+section.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from math import hypot, nan
 
 import mujoco
 
-from endolock.control import cable
+from endolock.control.transmission import cable
 from endolock.hw.api import AXES
 from endolock.twin.instrument import Instrument
 

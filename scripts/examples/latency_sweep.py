@@ -1,8 +1,8 @@
 """How much the latency alone costs: one law, three latencies, no pictures."""
 
+from endolock.control.laws.pi import PI
 from endolock.control.loop import run
 from endolock.control.metrics import score
-from endolock.control.pi import PI
 from endolock.twin import scenario
 from endolock.twin.rig import TwinRig
 from endolock.vision.truth import TruthEyes

@@ -8,9 +8,9 @@ import control as ct
 import numpy as np
 import pytest
 
-from endolock.control import analysis, laws
-from endolock.control.hysteresis import play
-from endolock.control.process import Process, simc
+from endolock.control import analysis, registry
+from endolock.control.transmission.linear_process import Process, simc
+from endolock.control.transmission.plays import play
 from endolock.hw.api import Vector
 
 INSTANT = Process(gain=1.4, lag_s=0.0, dead_s=0.43)
@@ -43,17 +43,17 @@ def test_simc_gains_leave_a_gain_margin_of_pi(lag_s: float) -> None:
 NOT_LINEAR = {"oracle", "predictive", "predictive_bank", "still"}
 
 
-@pytest.mark.parametrize("name", sorted(set(laws.LAWS) - NOT_LINEAR - {"repetitive"}))
+@pytest.mark.parametrize("name", sorted(set(registry.LAWS) - NOT_LINEAR - {"repetitive"}))
 def test_every_linear_law_is_stable_as_it_comes(name: str) -> None:
     process = Process(gain=1.394)
-    response = analysis.response(laws.configure(name), process)
+    response = analysis.response(registry.configure(name), process)
     assert response is not None
     assert analysis.margins(response, process).gain > 1.5
 
 
 @pytest.mark.parametrize("name", sorted(NOT_LINEAR))
 def test_a_law_that_estimates_or_holds_has_no_linear_part(name: str) -> None:
-    assert analysis.response(laws.configure(name), INSTANT) is None
+    assert analysis.response(registry.configure(name), INSTANT) is None
 
 
 @pytest.mark.parametrize("gain", [0.8, 4.0])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.control import loop
-from endolock.control.pi import PI
+from endolock.control.laws.pi import PI
 from endolock.hw.api import Command, CommandError, ConfigError, DeviceFault, Frame, Mode, State
 from endolock.twin.instrument import Instrument
 from endolock.twin.motion import Circle

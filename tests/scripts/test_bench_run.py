@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from endolock.control import laws, loop
+from endolock.control import loop, registry
 from endolock.hw.api import DeviceFault, HardwareError, PortGone
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import bus_log
@@ -55,7 +55,7 @@ def test_hil_repeats_itself_bit_for_bit_over_a_line_with_faults(tmp_path: Path) 
         with HilRig("circle", seed=3, pictures=False, faults=faults) as rig:
             folder = recorder.RunFolder(tmp_path / name, rig.describe())
             rig.line.record(folder.path / recorder.BUS_LOG)
-            law = laws.make("pi", rig.camera.calibration)
+            law = registry.make("pi", rig.camera.calibration)
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=2, recorder=folder)
             folder.close()
     for file in ("ticks.arrows", "frames.arrows", "bus.log"):
@@ -102,7 +102,7 @@ def test_a_fault_leaves_a_complete_folder(
         with HilRig("circle", pictures=False, faults=(parse(fault),)) as rig:
             folder = recorder.RunFolder(out, rig.describe())
             rig.line.record(out / recorder.BUS_LOG)
-            law = laws.make("pi", rig.camera.calibration)
+            law = registry.make("pi", rig.camera.calibration)
             try:
                 loop.run(rig, TruthEyes(rig.truth), law, duration_s=2, recorder=folder)
             finally:

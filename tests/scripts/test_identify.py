@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endolock.control.quasi_static import Cable, Geometry, simulate
+from endolock.control.transmission.quasi_static import Cable, Geometry, simulate
 from endolock.hw.api import Vector
 from endolock.scripts import cli, handle_logs
 from endolock.twin import instruments

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endolock.control import laws, loop, metrics
-from endolock.control.hysteresis import Plays
+from endolock.control import loop, metrics, registry
+from endolock.control.transmission.plays import Plays
 from endolock.hw.api import Command, State
 from endolock.scripts import batch, cli, record_table, run
 from endolock.scripts.target_path import hindsight, places
@@ -93,7 +93,7 @@ def test_the_path_is_the_one_that_the_twin_shows(seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def followers() -> dict[tuple[str, str], batch.Done]:
-    names = sorted(set(laws.LAWS) - MAY_STAND)
+    names = sorted(set(registry.LAWS) - MAY_STAND)
     cases = [(path, law) for path in ("straight", "circle") for law in names]
     asked = [
         run.Request(
@@ -109,7 +109,7 @@ def followers() -> dict[tuple[str, str], batch.Done]:
 
 
 @pytest.mark.parametrize("path", ["straight", "circle"])
-@pytest.mark.parametrize("law", sorted(set(laws.LAWS) - MAY_STAND))
+@pytest.mark.parametrize("law", sorted(set(registry.LAWS) - MAY_STAND))
 def test_a_law_that_claims_to_follow_moves_the_tip(
     path: str, law: str, followers: dict[tuple[str, str], batch.Done]
 ) -> None:

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from endolock.control.hysteresis_compensation import CompensationSettings
-from endolock.control.pi import PISettings
+from endolock.control.laws.hysteresis_compensation import CompensationSettings
+from endolock.control.laws.pi import PISettings
 from endolock.scripts import (
     hysteresis,
     run,

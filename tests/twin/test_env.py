@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from endolock.control import loop
-from endolock.control.pi import PI
+from endolock.control.laws.pi import PI
 from endolock.hw.api import CommandError, ConfigError, Frame, Vector
 from endolock.twin import scenario
 from endolock.twin.rig import TwinRig

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from endolock.control import kinematics, laws, loop, metrics
-from endolock.control.hysteresis import ONE_PLAY, Hysteresis, Plays
-from endolock.control.kinematics import SectionGeometry
+from endolock.control import loop, metrics, registry
+from endolock.control.transmission import kinematics
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
 from endolock.hw.api import Command, ConfigError, Pose
 from endolock.scripts import rigs
 from endolock.twin import scenario
@@ -92,7 +93,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
     with rig:
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
-        run = loop.run(rig, TruthEyes(rig.truth), laws.make(law, camera), duration_s=30.0)
+        run = loop.run(rig, TruthEyes(rig.truth), registry.make(law, camera), duration_s=30.0)
         return float(metrics.score(run, camera, 10.0)["error_px"]["rms"])
 
 

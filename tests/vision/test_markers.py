@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from endolock.control.laws.pi import PI
 from endolock.control.loop import Run, run
-from endolock.control.pi import PI
 from endolock.hw.api import Frame, Image
 from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model

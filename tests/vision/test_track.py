@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endolock.control.laws.pi import PI
 from endolock.control.loop import Run, run
 from endolock.control.metrics import score
-from endolock.control.pi import PI
 from endolock.hw.api import ConfigError, Frame
 from endolock.scripts import rigs
 from endolock.twin import scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from endolock.control import laws, loop, metrics
+from endolock.control import loop, metrics, registry
 from endolock.scripts import rigs
 from endolock.twin import scenario
 from endolock.twin.instrument import Instrument
@@ -79,7 +79,7 @@ def test_pictures_and_truth_give_the_same_scores(name: str, law: str) -> None:
         )
         with rig:
             camera = rig.camera.calibration
-            run = loop.run(rig, eyes, laws.make(law, camera), duration_s=12.0)
+            run = loop.run(rig, eyes, registry.make(law, camera), duration_s=12.0)
             rms.append(metrics.score(run, camera, 2.0)["error_px"]["rms"])
     # Markers are 0.1 px off; what the loop makes of that is of the same order.
     assert rms[0] == pytest.approx(rms[1], abs=0.5)

@@ -1,0 +1,1 @@
+"""From logs to parameters: fits, loop widths, latency, uncertainty."""

@@ -1,0 +1,1 @@
+"""The simple control laws, one file each."""

@@ -1,0 +1,90 @@
+"""Inverse kinematics with time stamps: each frame is related to the handles at its exposure.
+
+Where `ik` mixes the handles of now with the pixel of an old frame, this law looks up where the
+handles were when the frame was exposed, and takes the target's distance from the markers. What is
+left of the latency is that the target moved meanwhile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+
+from endolock.control.laws.handle_history import Past
+from endolock.control.laws.inverse_kinematics import IKMemory, InverseKinematics, aimed
+from endolock.control.transmission import linear_process
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.hw.api import Calibration, ConfigError, State
+from endolock.vision import camera_model
+from endolock.vision.observation import Observation, Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class IKSyncSettings:
+    """What the law believes."""
+
+    target_distance_m: float = 0.12
+    """Depth of the target until markers tell it [m], > 0. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: float = linear_process.BEND_PER_HANDLE
+    """Bend per handle angle [rad/rad], > 0. Assumed: the slope of the default instrument."""
+    settle_s: float = 0.1
+    """Time constant with which the handles go to their aim [s], > 0. Assumed: pixel noise is
+    averaged over two frames, and the loop keeps a gain margin."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < float("inf"):
+                raise ConfigError(f"ik_sync: {name} is {value:g}; use a finite number above 0")
+
+
+@dataclass
+class IKSyncMemory(IKMemory):
+    """What the law remembers."""
+
+    distance_m: float | None = None
+    """Depth of the target, as last told by markers [m]."""
+    past: Past = field(default_factory=Past)
+    """Where the handles were."""
+
+
+class SynchronousIK(InverseKinematics):
+    """Aims at where the target was when it was seen.
+
+    Args:
+        calibration: turns pixels into rays.
+        settings: what the law believes; the defaults if None.
+        geometry: lengths of the section; the defaults if None.
+    """
+
+    memory: IKSyncMemory
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: IKSyncSettings | None = None,
+        geometry: SectionGeometry | None = None,
+    ) -> None:
+        super().__init__(calibration, geometry=geometry)
+        self._believed = settings or IKSyncSettings()
+        self.memory = IKSyncMemory()
+
+    def reset(self, state: State) -> None:
+        """Stay where the handles are."""
+        handles = state.position[0], state.position[1]
+        self.memory = IKSyncMemory(handles=handles, aim=handles)
+
+    def _look(self, state: State, observation: Observation | None) -> None:
+        """Renew the aim with a frame that shows the target; else keep it."""
+        memory, believed = self.memory, self._believed
+        memory.past.add(state)
+        if observation is None or observation.status is not Status.TRACKING:
+            return
+        if isfinite(observation.distance_m):
+            memory.distance_m = observation.distance_m
+        ray = camera_model.ray(self._calibration, observation.target_px)
+        depth = memory.distance_m or believed.target_distance_m
+        then = memory.past.at(observation.t_capture)
+        memory.aim = aimed(self._geometry, believed.bend_per_handle, then, depth * ray)
+
+    def _share(self, dt: float) -> float:
+        return dt / (self._believed.settle_s + dt)

@@ -1,0 +1,131 @@
+"""Repetitive control: learn the handle motion of one period, and play it ahead of time.
+
+The handles follow a table over the phase of a known period P. Each frame corrects the table where
+the handles then stood, by a share of what the error asks for:
+
+    h(t) = f(t + T),    f(t_frame) += g e(t_frame) / K,
+
+so whatever repeats, hysteresis included, is gone after some periods, whatever the latency. What
+does not repeat is only ever learned too late.
+
+Reference:
+    S. Hara et al., IEEE Trans. Automatic Control 33(7), 1988; D. A. Bristow et al., IEEE Control
+    Systems 26(3), 2006 (iterative learning).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from endolock.control.laws.pi import error
+from endolock.control.transmission import linear_process
+from endolock.control.transmission.kinematics import Pair, SectionGeometry
+from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.vision.observation import Observation, Status
+
+LEAD_S = linear_process.LAG_S + 0.020
+"""A command is seen in the picture so much later [s]: servo and tip, and one control period."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepetitiveSettings:
+    """What repeats, and how fast it is learned."""
+
+    period_s: float
+    """Period of the target's motion [s], > 0."""
+    learning: float = 0.5
+    """Share g of the error that is corrected each period [1], 0 to 1. Assumed."""
+    points: int = 96
+    """Of the table, over one period. Assumed: 0.1 s apart for strokes, 0.2 s for the circle."""
+    target_distance_m: float = 0.12
+    """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: float = linear_process.BEND_PER_HANDLE
+    """Slope of the transmission [rad/rad], > 0. Assumed."""
+
+    def __post_init__(self) -> None:
+        if not (0 < self.period_s < 1e4 and 0 < self.learning <= 1 and 8 <= self.points <= 4096):
+            raise ConfigError(
+                f"repetitive: period_s {self.period_s:g}, learning {self.learning:g}, points "
+                f"{self.points}; use a period above 0, a share up to 1, 8 to 4096 points"
+            )
+
+
+@dataclass
+class RepetitiveMemory:
+    """What the law remembers."""
+
+    up_down: list[float] = field(default_factory=list)
+    """Table of handle angles over the phase [rad]."""
+    left_right: list[float] = field(default_factory=list)
+    """The same of the other handle."""
+    seen_s: float | None = None
+    """Exposure of the newest frame [s]."""
+
+
+class Repetitive:
+    """Plays and corrects a table.
+
+    Args:
+        calibration: turns pixels into angles.
+        settings: period and learning.
+        geometry: lengths of the section; the defaults if None.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: RepetitiveSettings,
+        geometry: SectionGeometry | None = None,
+    ) -> None:
+        self._calibration, self._settings = calibration, settings
+        distance, slope = settings.target_distance_m, settings.bend_per_handle
+        self._gain = linear_process.image_gain(geometry or SectionGeometry(), distance, slope)
+        self.memory = RepetitiveMemory()
+        self._fill((0.0, 0.0))
+
+    def reset(self, state: State) -> None:
+        """Forget what was learned, and stay where the handles are."""
+        self.memory = RepetitiveMemory()
+        self._fill((state.position[0], state.position[1]))
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Correct the table with each frame that shows the target, and play it.
+
+        See `Controller.update`; an axis that was clipped learns only its way back.
+        """
+        if observation is not None:
+            if observation.status is Status.TRACKING:
+                self._learn(observation.t_capture, error(self._calibration, observation), state)
+            self.memory.seen_s = observation.t_capture
+        n, share = self._place(t)
+        tables = (self.memory.up_down, self.memory.left_right)
+        up_down, left_right = (
+            (1 - share) * table[n] + share * table[(n + 1) % len(table)] for table in tables
+        )
+        return Command(position=(up_down, left_right))
+
+    def _fill(self, handles: Pair) -> None:
+        count = self._settings.points
+        self.memory.up_down, self.memory.left_right = ([h] * count for h in handles)
+
+    def _place(self, t: float) -> tuple[int, float]:
+        """Point of the table at or before a time, and the share of the way to the next."""
+        count = self._settings.points
+        phase = t / self._settings.period_s % 1.0 * count
+        n = min(int(phase), count - 1)
+        return n, phase - n
+
+    def _learn(self, t: float, seen: Pair, state: State) -> None:
+        settings, before = self._settings, self.memory.seen_s
+        since = 0.0 if before is None else min(max(t - before, 0.0), 0.2)
+        # Each point gets all of its correction once a period, however many frames come.
+        step = (
+            settings.learning / self._gain * min(1.0, since * settings.points / settings.period_s)
+        )
+        n, share = self._place(t - LEAD_S)
+        tables = (self.memory.up_down, self.memory.left_right)
+        for table, e, clipped in zip(tables, seen, state.clipped, strict=True):
+            if clipped * e > 0:
+                continue
+            table[n] += step * (1 - share) * e
+            table[(n + 1) % len(table)] += step * share * e

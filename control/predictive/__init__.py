@@ -1,0 +1,1 @@
+"""The predictive lock: controller, internal model, target prediction."""

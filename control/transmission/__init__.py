@@ -1,0 +1,1 @@
+"""From handle to tip: cable, plays, quasi-static axis, kinematics."""

@@ -1,0 +1,153 @@
+"""Prandtl-Ishlinskii hysteresis: a weighted sum of plays, run forwards and inverted exactly.
+
+With z_i the play of half-width r_i behind the handle h, |h - z_i| <= r_i, the bend is sum w_i z_i.
+With all w_i >= 0 it rises with h from every state, so there is one handle angle for each bend.
+
+Reference:
+    P. Krejci and K. Kuhnen, IEE Proc. Control Theory and Applications 148(3), 2001.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import pi
+
+import numpy as np
+
+from endolock.control.transmission.kinematics import Pair
+from endolock.control.transmission.linear_process import BEND_PER_HANDLE
+from endolock.hw.api import ConfigError, Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plays:
+    """Parameters of one axis."""
+
+    radii: tuple[float, ...]
+    """Half-widths r_i at the handle [rad], >= 0, rising."""
+    weights: tuple[float, ...]
+    """Bend per handle angle w_i of each [rad/rad], >= 0; their sum is that of large strokes."""
+
+    def __post_init__(self) -> None:
+        same = len(self.radii) == len(self.weights) > 0
+        if not same or min(self.radii) < 0 or min(self.weights) < 0 or not sum(self.weights):
+            raise ConfigError(
+                f"plays of radii {self.radii} and weights {self.weights}: give as many of each, "
+                "0 or more, not all weights 0"
+            )
+
+    def at_rest(self) -> PlaysOfBothAxes:
+        """Return both axes, alike and independent, with every play centred."""
+        return PlaysOfBothAxes(self)
+
+
+ONE_PLAY = Plays(radii=(pi / 10,), weights=(BEND_PER_HANDLE,))
+"""A loop of constant width, 0.2 of 180 deg: what the thesis compensates (ch. 6)."""
+
+
+@dataclass
+class Hysteresis:
+    """One axis with its past.
+
+    The state `places` are plain numbers: keeping and restoring them goes on where it was.
+    """
+
+    plays: Plays
+    places: list[float] = field(default_factory=list)
+    """z_i [rad]; all 0 at first."""
+
+    def __post_init__(self) -> None:
+        self.places = self.places or [0.0] * len(self.plays.radii)
+
+    @property
+    def bend_rad(self) -> float:
+        """Present bend [rad]."""
+        return sum(w * z for w, z in zip(self.plays.weights, self.places, strict=True))
+
+    def follow(self, handle_rad: float) -> float:
+        """Turn the handle to an angle; return the bend [rad]."""
+        bend = 0.0
+        places = self.places
+        for i, (r, w) in enumerate(zip(self.plays.radii, self.plays.weights, strict=True)):
+            z = places[i]
+            low, high = handle_rad - r, handle_rad + r
+            z = low if z < low else high if z > high else z
+            places[i] = z
+            bend += w * z
+        return bend
+
+    def handle_for(self, bend_rad: float) -> float:
+        """Handle angle that would bring about a bend from here, without going there [rad].
+
+        Within the deadband, where several would, it is the one at its edge on the way there.
+        """
+        missing = bend_rad - self.bend_rad
+        if missing == 0.0:
+            return self._middle()
+        sign = 1.0 if missing > 0 else -1.0
+        missing *= sign
+        # Play i begins to move where the handle reaches z_i + r_i (upwards), in this order:
+        starts = sorted(
+            (sign * z + r, w)
+            for z, r, w in zip(self.places, self.plays.radii, self.plays.weights, strict=True)
+            if w
+        )
+        at, slope = starts[0][0], 0.0
+        for start, weight in starts:
+            if slope and missing <= slope * (start - at):
+                break
+            missing -= slope * (start - at)
+            at, slope = start, slope + weight
+        return sign * (at + missing / slope)
+
+    def _middle(self) -> float:
+        """Middle of the handle angles that change nothing [rad]."""
+        pairs = list(zip(self.places, self.plays.radii, strict=True))
+        return (max(z - r for z, r in pairs) + min(z + r for z, r in pairs)) / 2
+
+
+class PlaysOfBothAxes:
+    """Both axes of a section, each behind plays of its own.
+
+    Args:
+        plays: parameters of each.
+    """
+
+    def __init__(self, plays: Plays) -> None:
+        self._axes = Hysteresis(plays), Hysteresis(plays)
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        up_down, left_right = self._axes
+        return up_down.follow(handles[0]), left_right.follow(handles[1])
+
+
+def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[Plays, float]:
+    """Fit weights of given radii to a log that begins at rest, by non-negative least squares.
+
+    Args:
+        handle_rad: handle angles, n [rad].
+        bend_rad: bends at the same moments, n [rad].
+        radii: half-widths to be weighted [rad].
+
+    Returns:
+        The plays with a weight above 0, and the rms misfit [rad].
+    """
+    from scipy.optimize import nnls  # analysis only
+
+    columns = np.column_stack([play(handle_rad, r) for r in radii])
+    weights, _ = nnls(columns, bend_rad)
+    misfit = float(np.sqrt(np.mean((columns @ weights - bend_rad) ** 2)))
+    least = 1e-9 * weights.sum()
+    kept = [(float(r), float(w)) for r, w in zip(radii, weights, strict=True) if w > least]
+    return Plays(radii=tuple(r for r, _ in kept), weights=tuple(w for _, w in kept)), misfit
+
+
+def play(handle_rad: Vector, radius_rad: float) -> Vector:
+    """One play behind a history of handle angles, from rest at 0 [rad]."""
+    places, z = np.empty(len(handle_rad)), 0.0
+    for n, h in enumerate(handle_rad.tolist()):
+        z = min(max(z, h - radius_rad), h + radius_rad)
+        places[n] = z
+    return places

@@ -1,0 +1,337 @@
+"""One axis of a bending section and its wires, slow enough for inertia and damping to vanish.
+
+Each wire is cut once, as in control/transmission/cable.py: handle - spring - node - spring -
+section. All is told per bending stiffness K, so that tensions are in 1/m. With x the node's travel
+towards the handle and g(theta) the length of the wire in the section less its free length,
+
+    t_p = k_p max(0, +-r_p phi - x)         t_w = k_w max(0, x + g(theta))
+    e^-S <= t_p/t_w <= e^S                  the node stays where it is, or slides as far as it must
+    theta + m(theta) = sum over the wires of t_w (+-r cos(q/2) + h/2 sin(q/2)),   q = theta/n
+
+where m is the dry friction of the sheath, an elastic spring that yields. The right side falls and
+the left side rises with theta, so there is one bend for each handle angle and past. The wires of
+the other axis have no lever r; pretensioned, they still shorten with the bend and so help it.
+
+S and the springs follow the bend that the last step lets expect: with steps of a degree or two that
+is as good as solving for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import cos, exp, hypot, pi, sin
+
+import numpy as np
+
+from endolock.control.transmission.cable import compliances as _springs
+from endolock.control.transmission.kinematics import Pair
+from endolock.hw.api import ConfigError, Vector
+
+TOLERANCE_RAD = 1e-9
+"""Error of a bend [rad], far below any noise."""
+FLAT = 1e-3
+"""Slope that is taken where a handle moves no wire [1]: far below any other, and not 0."""
+SHEATH_GIVE_RAD = 0.02
+"""Bend by which a sheath gives before it slides [rad]. Assumed, as the twin's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """What can be measured with a ruler, or counted."""
+
+    bending_length_m: float = 0.075
+    """L, along the backbone [m], > 0."""
+    wire_radius_m: float = 0.0042
+    """r, wire holes to the backbone [m], > 0."""
+    pulley_radius_m: float = 0.005
+    """r_p, wire travel per handle angle [m/rad], > 0."""
+    hinges: int = 12
+    """N, in both axes together, even; each ring turns by 1/(N/2) of the bend."""
+
+    def __post_init__(self) -> None:
+        lengths = (self.bending_length_m, self.wire_radius_m, self.pulley_radius_m)
+        if not min(lengths) > 0 or self.hinges < 2 or self.hinges % 2:
+            raise ConfigError(f"geometry {self}: use lengths above 0 and an even number of hinges")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cable:
+    """The transmission, per bending stiffness K; one set of parameters for both wires."""
+
+    wrap_friction: float
+    """mu Theta of the conduit at the shaft's bend, residual included [1], >= 0."""
+    section_friction: float
+    """mu_b of the bending section [1], >= 0."""
+    stiffness: float
+    """k/K of wire and conduit [1/m2], > 0."""
+    slack_m: float
+    """Free length of each wire [m]; negative is pretension."""
+    sheath: float
+    """Dry friction of the sheath over K [rad], >= 0."""
+
+
+class Axis:
+    """Follows one axis through a history of handle angles.
+
+    Args:
+        cable: the transmission.
+        geometry: the section.
+    """
+
+    def __init__(self, cable: Cable, geometry: Geometry) -> None:
+        self._cable, self._geometry = cable, geometry
+        self.bend_rad = 0.0
+        """Present bend [rad]."""
+        self.tensions = (0.0, 0.0)
+        """Present tensions at the handle over K [1/m], of the wire that a positive angle pulls and
+        of the other one."""
+        near, far = _springs(cable.wrap_friction, 0.0)
+        self._nodes = [min(0.0, cable.slack_m) * near / (near + far)] * 4  # both springs pull alike
+        self._yielded = self._step_rad = self._handle_rad = 0.0
+
+    @property
+    def state(self) -> list[float]:
+        """All that it remembers, but for the tensions; setting it goes on from there."""
+        return [self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes]
+
+    @state.setter
+    def state(self, values: Sequence[float]) -> None:
+        self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes = values
+
+    def follow(
+        self, handle_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
+    ) -> float:
+        """Turn the handle to an angle; return the bend [rad].
+
+        Args:
+            handle_rad: handle angle [rad]; steps of a few hundredths follow the history well.
+            other_handle_rad: handle angle of the other axis [rad]; its wires cross the bend and,
+                under tension, help it.
+            other_bend_rad: present bend of the other axis [rad].
+        """
+        made = self._cable
+        k_p, k_w, ratios = self._stiffness(self.bend_rad + self._step_rad, other_bend_rad)
+        own_travel = self._geometry.pulley_radius_m * handle_rad
+        other_travel = self._geometry.pulley_radius_m * other_handle_rad
+        across, along = self._crossing(other_bend_rad)
+
+        def wires(bend: float) -> Iterator[tuple[float, float, float]]:
+            """Travel, gap and lever of each wire at a bend, those of the axis first."""
+            middle, side, lever, arm = self._lengths(bend)
+            gap = middle + along
+            yield own_travel, gap - side, lever + arm
+            yield -own_travel, gap + side, lever - arm
+            yield other_travel, gap - across, lever
+            yield -other_travel, gap + across, lever
+
+        def balance(bend: float) -> tuple[float, float]:
+            """Moment that is missing at a bend, and its slope."""
+            sheath = (bend - self._yielded) * made.sheath / SHEATH_GIVE_RAD
+            missing, slope = bend, 1.0
+            if abs(sheath) < made.sheath:
+                missing, slope = missing + sheath, slope + made.sheath / SHEATH_GIVE_RAD
+            else:
+                missing += made.sheath if sheath > 0 else -made.sheath
+            for node, (travel, gap, lever) in zip(self._nodes, wires(bend), strict=True):
+                x, sliding = _slide(node, travel, gap, ratios)
+                if x + gap <= 0:
+                    continue
+                missing -= k_w * (x + gap) * lever
+                # a sliding node gives way by its share: dx/dgap = -ratio/(1 + ratio)
+                slope += k_w * lever * lever * (1.0 if sliding is None else 1 / (1 + sliding))
+            return missing, slope
+
+        bend = _root(balance, self.bend_rad)
+        self._handle_rad = handle_rad
+        self._step_rad, self.bend_rad = bend - self.bend_rad, bend
+        give = bend - self._yielded
+        if abs(give) > SHEATH_GIVE_RAD:
+            self._yielded = bend - (SHEATH_GIVE_RAD if give > 0 else -SHEATH_GIVE_RAD)
+        tensions = []
+        for wire, (travel, gap, _) in enumerate(wires(bend)):
+            x, _ = _slide(self._nodes[wire], travel, gap, ratios)
+            self._nodes[wire] = x
+            tensions.append(k_p * max(0.0, travel - x))
+        self.tensions = (tensions[0], tensions[1])
+        return bend
+
+    def handle_for(
+        self, bend_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
+    ) -> float:
+        """Handle angle that would bring about a bend from here, without going there [rad].
+
+        Args:
+            bend_rad: wanted bend [rad], another one than the present: in between, where nothing
+                moves, there are many.
+            other_handle_rad: as for `follow`.
+            other_bend_rad: as for `follow`.
+        """
+        made = self._cable
+        _, k_w, ratios = self._stiffness(bend_rad, other_bend_rad)
+        across, along = self._crossing(other_bend_rad)
+        middle, side, lever, arm = self._lengths(bend_rad)
+        gap, radius = middle + along, self._geometry.pulley_radius_m
+        sheath = (bend_rad - self._yielded) * made.sheath / SHEATH_GIVE_RAD
+        fixed = bend_rad + min(max(sheath, -made.sheath), made.sheath)
+        other_travel = radius * other_handle_rad
+        for node, travel, away in (
+            (self._nodes[2], other_travel, gap - across),
+            (self._nodes[3], -other_travel, gap + across),
+        ):
+            x, _ = _slide(node, travel, away, ratios)
+            fixed -= k_w * max(0.0, x + away) * lever
+        own = (
+            (self._nodes[0], radius, gap - side, lever + arm),
+            (self._nodes[1], -radius, gap + side, lever - arm),
+        )
+
+        def balance(handle: float) -> tuple[float, float]:
+            """Moment in excess at a handle angle, and its slope."""
+            excess, slope = -fixed, 0.0
+            for node, per_rad, away, arm in own:
+                x, sliding = _slide(node, per_rad * handle, away, ratios)
+                if x + away <= 0:
+                    continue
+                excess += k_w * (x + away) * arm
+                if sliding is not None:
+                    slope += k_w * arm * per_rad / (1 + sliding)
+            return excess, max(slope, FLAT)
+
+        return _root(balance, self._handle_rad)
+
+    def _stiffness(
+        self, bend_rad: float, other_bend_rad: float
+    ) -> tuple[float, float, tuple[float, float]]:
+        """Stiffness on either side of the nodes, and k_w e^(+-S)/k_p."""
+        made = self._cable
+        b = made.section_friction * hypot(bend_rad, other_bend_rad)
+        near, far = _springs(made.wrap_friction, b)
+        k_p, k_w = made.stiffness / near, made.stiffness / far
+        up = exp(made.wrap_friction + b)
+        return k_p, k_w, (k_w * up / k_p, k_w / up / k_p)
+
+    def _lengths(self, bend: float) -> tuple[float, float, float, float]:
+        """Length of the middle line less nothing, what wires gain by side, and the two levers."""
+        geometry = self._geometry
+        n, r = geometry.hinges / 2, geometry.wire_radius_m
+        h = geometry.bending_length_m / geometry.hinges
+        c, s = cos(bend / n / 2), sin(bend / n / 2)
+        return n * h * c, n * 2 * r * s, h / 2 * s, r * c
+
+    def _crossing(self, other_bend: float) -> tuple[float, float]:
+        """What the other axis' bend adds to its own wires by side, and to all wires."""
+        middle, side, _, _ = self._lengths(other_bend)
+        return side, middle - self._geometry.bending_length_m - self._cable.slack_m
+
+
+class BothAxes:
+    """Both axes of a section; each one's bend adds friction to the other's wires, and helps it.
+
+    Args:
+        up_down: one axis.
+        left_right: the other one.
+    """
+
+    def __init__(self, up_down: Axis, left_right: Axis) -> None:
+        self._axes = up_down, left_right
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        up_down, left_right = self._axes
+        bend = up_down.follow(handles[0], handles[1], left_right.bend_rad)
+        return bend, left_right.follow(handles[1], handles[0], bend)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transmission:
+    """What lies between both handles and the section, the same on both axes."""
+
+    cable: Cable
+    """The wires in their conduits."""
+    geometry: Geometry
+    """The section and its pulleys."""
+
+    def at_rest(self) -> BothAxes:
+        """Return both axes as they are before the handles turn."""
+        up_down, left_right = (Axis(self.cable, self.geometry) for _ in range(2))
+        return BothAxes(up_down, left_right)
+
+
+def thin(handle: Vector, step_rad: float) -> list[int]:
+    """Choose samples a step of handle travel apart, and those where the handle turns.
+
+    Args:
+        handle: handle angles [rad], m.
+        step_rad: travel between two of them [rad]; smaller turns than a quarter are noise.
+    """
+    kept, farthest = [0], 0
+    for k, angle in enumerate(handle.tolist()):
+        last, far = handle[kept[-1]], handle[farthest]
+        if abs(angle - far) >= step_rad / 4 and (angle - far) * (far - last) < 0:
+            kept.append(farthest)
+            last, farthest = far, k
+        if abs(angle - last) >= step_rad:
+            kept.append(k)
+            farthest = k
+        elif abs(angle - last) >= abs(handle[farthest] - last):
+            farthest = k
+    return kept
+
+
+def simulate(
+    cable: Cable,
+    geometry: Geometry,
+    handle_rad: Vector,
+    other_handle_rad: Vector,
+    other_bend_rad: Vector,
+) -> tuple[Vector, Vector]:
+    """Follow a history of handle angles from rest.
+
+    Args:
+        cable: the transmission.
+        geometry: the section.
+        handle_rad: handle angles [rad], m.
+        other_handle_rad: handle angles of the other axis at the same moments [rad], m.
+        other_bend_rad: its bends [rad], m.
+
+    Returns:
+        Bends [rad], m, and tensions at the handle over K [1/m], m x 2.
+    """
+    axis = Axis(cable, geometry)
+    bends, tensions = [], []
+    inputs = (column.tolist() for column in (handle_rad, other_handle_rad, other_bend_rad))
+    for handle, other_handle, other_bend in zip(*inputs, strict=True):
+        bends.append(axis.follow(handle, other_handle, other_bend))
+        tensions.append(axis.tensions)
+    return np.array(bends), np.array(tensions)
+
+
+def _slide(
+    x: float, travel: float, gap: float, ratios: Sequence[float]
+) -> tuple[float, float | None]:
+    """Where a node comes to rest, and the ratio k_w e^(+-S)/k_p at which it slides, if it does."""
+    if travel + gap <= 0:  # loose: it lies where neither side pulls
+        return min(max(x, travel), -gap), None
+    low = (travel - ratios[0] * gap) / (1 + ratios[0])
+    if x < low:
+        return low, ratios[0]
+    high = (travel - ratios[1] * gap) / (1 + ratios[1])
+    return (high, ratios[1]) if x > high else (x, None)
+
+
+def _root(balance: Callable[[float], tuple[float, float]], start: float) -> float:
+    """Root of a rising function that is smooth but for kinks: Newton, kept between known signs."""
+    low, high, at = -pi, pi, start
+    for _ in range(60):
+        missing, slope = balance(at)
+        if abs(missing) < TOLERANCE_RAD * slope:
+            return at
+        if missing > 0:
+            high = at
+        else:
+            low = at
+        at -= missing / slope
+        if not low < at < high:
+            at = (low + high) / 2
+    return at
