@@ -12,10 +12,10 @@ import numpy as np
 from endolock.hw.api import Command
 from endolock.scripts import rigs
 from endolock.scripts.checks import SHAFTS_DEG, Check, check, hinges, loop, still, turn, width
-from endolock.twin import instruments
-from endolock.twin.instrument import Instrument, Numerics
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import Instrument, Numerics
 
 CHECKS: list[Check] = []
 
@@ -45,8 +45,8 @@ def rate_dependence() -> float:
 def drift() -> float:
     """Hold the handles after a stroke; how far the tip creeps in a minute [deg]."""
     worst = 0.0
-    for name in instruments.names():
-        plant = still(instruments.load(name))
+    for name in instrument_files.names():
+        plant = still(instrument_files.load(name))
         turn(plant, [(0.0, 0.0), (5.0, 1.0), (6.0, 1.0)])
         held = turn(plant, [(0.0, 1.0), (60.0, 1.0)])
         worst = max(worst, abs(held.bend[-1] - held.bend[0]))
@@ -142,8 +142,8 @@ def restored_state() -> float:
     """Set a moving plant's state into another one; count the numbers that differ 0.5 s on."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     differing = 0
-    for name in instruments.names():
-        first, second = still(instruments.load(name)), still(instruments.load(name))
+    for name in instrument_files.names():
+        first, second = still(instrument_files.load(name)), still(instrument_files.load(name))
         turn(first, [(0.0, 0.0), (0.7, 0.6)])
         size = mujoco.mj_stateSize(first.model, kind)
         before, after, again = np.empty((3, size))
@@ -167,8 +167,8 @@ def cycle_work() -> tuple[float, float]:
     what is dissipated is the sum of that and of the handle's work.
     """
     taken, lost = inf, inf
-    for name, shaft, peak in product(instruments.names(), SHAFTS_DEG, (0.4, 1.2)):
-        plant = still(instruments.load(name), shaft_deg=shaft)
+    for name, shaft, peak in product(instrument_files.names(), SHAFTS_DEG, (0.4, 1.2)):
+        plant = still(instrument_files.load(name), shaft_deg=shaft)
         loop(plant, peak, 10.0)
         model, data = plant.model, plant.data
         wires = [i for i in range(model.ntendon) if model.tendon(i).name.startswith("wire")]

@@ -36,10 +36,11 @@ from endolock.scripts import (
     run,
     tick_times,
 )
-from endolock.twin import camera, scene
-from endolock.twin.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.camera.renderer import Renderer
+from endolock.twin.model import scene
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.track import HALF_PX
 from endolock.vision.tracker import Tracker
@@ -135,7 +136,7 @@ def render() -> dict[str, Any]:
     with TwinRig("straight", pictures=False) as rig:
         model, data = rig.plant.model, rig.plant.data
         index = scene.camera_id(model, "tip")
-        renderer = camera.Renderer(model)
+        renderer = Renderer(model)
         draw = _raw_quad(640, 480)
         ours, raw = _times(
             lambda: renderer.draw(data, index, 640, 480), draw, repeat=60, warm_up=True
@@ -235,7 +236,7 @@ def env() -> dict[str, float]:
     """
     import gymnasium  # an extra
 
-    from endolock.twin import gym_env
+    from endolock.twin.env import gym_env
 
     count = os.cpu_count() or 1
     single, several = gymnasium.make(gym_env.STATE_ID), gym_env.vector(count)

@@ -13,7 +13,7 @@ from math import ceil
 
 from endolock.scripts import batch, output, run, theory, variation
 from endolock.scripts.batch import Done
-from endolock.twin import scenario
+from endolock.twin.world import scenario
 
 SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
 LAWS = (

@@ -21,9 +21,9 @@ from endolock.hw import boards
 from endolock.hw.api import ConfigError
 from endolock.hw.boards import Print
 from endolock.scripts import board_svg
-from endolock.twin import scenario as scenarios
-from endolock.twin.course import Course
-from endolock.twin.scenario import Scenario
+from endolock.twin.world import scenario as scenarios
+from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario import Scenario
 
 RATE_HZ = 100.0
 """Of the path in a page."""

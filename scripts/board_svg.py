@@ -9,7 +9,7 @@ import numpy as np
 
 from endolock.hw.api import Image
 from endolock.hw.boards import Patch, Print
-from endolock.twin import drawing
+from endolock.twin.model import drawing
 
 MODULES = 6
 """Of a marker's side, black border included."""

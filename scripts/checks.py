@@ -11,9 +11,9 @@ import numpy as np
 
 from endolock.control.transmission.quasi_static import Cable
 from endolock.hw.api import AXES, Vector
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument, Numerics
-from endolock.twin.plant import TwinPlant
+from endolock.twin.physics.plant import TwinPlant
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument, Numerics
 
 ONE_WIRE = Instrument(slack_m=0.0)
 """Wires neither slack nor tight: only the one that is pulled carries."""

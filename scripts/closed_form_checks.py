@@ -24,10 +24,11 @@ from endolock.scripts.checks import (
     still,
     turn,
 )
-from endolock.twin import closed_forms, instruments
-from endolock.twin.closed_forms import PulledSection
-from endolock.twin.instrument import NUMERICS, Instrument, Numerics
-from endolock.twin.transmission import WIRES
+from endolock.twin.model.transmission import WIRES
+from endolock.twin.physics import closed_forms
+from endolock.twin.physics.closed_forms import PulledSection
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 
 CHECKS: list[Check] = []
 
@@ -222,8 +223,8 @@ def loop_widths() -> float:
 def slow_loops() -> float:
     """Compare the bends of whole instruments, pretension and sheath included, with a solver."""
     worst = 0.0
-    for name, shaft in product(instruments.names(), SHAFTS_DEG[:2]):
-        made = instruments.load(name)
+    for name, shaft in product(instrument_files.names(), SHAFTS_DEG[:2]):
+        made = instrument_files.load(name)
         plant = still(made, shaft_deg=shaft)
         motion = turn(plant, [(0, 0), (20, 2.0), (60, -2.0), (100, 2.0), (112, 0.8), (120, 1.6)])
         handle, bend = motion.handle[::5], motion.bend[::5]

@@ -39,8 +39,9 @@ from endolock.scripts import (
     vision_docs,
 )
 from endolock.scripts.checks import cable_of
-from endolock.twin import generate, instruments, scenario
-from endolock.twin.instrument import Instrument
+from endolock.twin.model import generate
+from endolock.twin.world import instrument_files, scenario
+from endolock.twin.world.instrument import Instrument
 
 ROOT = Path(__file__).resolve().parents[1]
 END = "<!-- end -->"
@@ -130,7 +131,7 @@ def parameters() -> str:
     """Tabulate the defaults of an instrument with grade, meaning and source, as Markdown."""
     lines = ["| parameter | default | grade | meaning and source |", "|---|--:|---|---|"]
     defaults = dataclasses.asdict(Instrument())
-    for name, meaning in instruments.meanings().items():
+    for name, meaning in instrument_files.meanings().items():
         grade = "C" if "ssumed" in meaning else "B"
         lines.append(f"| `{name}` | {defaults[name]:.6g} | {grade} | {meaning} |")
     return "\n".join(lines) + "\n"
@@ -138,8 +139,10 @@ def parameters() -> str:
 
 def pretensioned() -> str:
     """Return the defaults of an instrument as its file."""
-    header = "The default: wires under tension. Written by ./run docs from twin/instrument.py."
-    return instruments.dump(Instrument(), header)
+    header = (
+        "The default: wires under tension. Written by ./run docs from twin/world/instrument.py."
+    )
+    return instrument_files.dump(Instrument(), header)
 
 
 def verified() -> str:
@@ -161,7 +164,7 @@ def identified() -> str:
             request = hysteresis.Request(instrument=name, noise_deg=0.1, out=log)
             hysteresis.perform(request, show_progress=False)
             record = identify.perform(identify.Request(log=log))
-        made = instruments.load(name)
+        made = instrument_files.load(name)
         cable = cable_of(made, radians(record["shaft_deg"]))
         true = {
             "mu_wrap": cable.wrap_friction,

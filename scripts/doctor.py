@@ -158,7 +158,8 @@ def mujoco_() -> Finding:
 
 def picture(sights: Sights) -> Finding:
     """Draw the scene of the twin as its tip camera sees it; leave the picture in `sights`."""
-    from endolock.twin import camera, scene
+    from endolock.twin.camera.renderer import Renderer
+    from endolock.twin.model import scene
     from endolock.twin.rig import TwinRig
 
     with TwinRig("straight", pictures=False) as rig:
@@ -167,7 +168,7 @@ def picture(sights: Sights) -> Finding:
         index = scene.camera_id(plant.model, "tip")
         plant.snapshot()  # brings the camera up to date
         plant.draw_board()
-        renderer = camera.Renderer(plant.model)
+        renderer = Renderer(plant.model)
         try:
             image = renderer.draw(plant.data, index, *size).copy()
             from OpenGL import GL as gl

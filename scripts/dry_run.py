@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from endolock.scripts import output, run, variation
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument, Numerics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

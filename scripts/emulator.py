@@ -13,9 +13,9 @@ from rich.console import Console
 from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
-from endolock.twin import instruments, scenario
-from endolock.twin.far_end import FarEnd, Setup
-from endolock.twin.instrument import NUMERICS
+from endolock.twin.hil.hil_server import FarEnd, Setup
+from endolock.twin.world import instrument_files, scenario
+from endolock.twin.world.instrument import NUMERICS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ def main(request: Request) -> int:
         raise ConfigError(f"seed {request.seed}; use a whole number, 0 or more")
     setup = Setup(
         scenario=scenario.load(request.scenario),
-        instrument=instruments.load(request.instrument),
+        instrument=instrument_files.load(request.instrument),
         numerics=NUMERICS["default"],
         seed=request.seed,
         pictures=request.video is not None,

@@ -40,7 +40,7 @@ SCENARIOS = ("straight", "circle")
 
 def plant(seed: int) -> tuple[str, ...]:
     """Return the changes that make one plant; the camera believes in 0.4 s."""
-    from endolock.twin.instrument import Instrument
+    from endolock.twin.world.instrument import Instrument
 
     random = np.random.default_rng(seed)
     usual = Instrument()

@@ -19,9 +19,9 @@ from endolock.hw.api import AXES, ConfigError
 from endolock.scripts import output, recorder, rigs
 from endolock.scripts.hysteresis_protocol import SPEED_RAD_S, TURNS_DEG, Protocol, Strokes
 from endolock.scripts.progress import progress
-from endolock.twin import instruments
-from endolock.twin import scenario as scenarios
-from endolock.twin.scenario import Scenario, Tracker
+from endolock.twin.world import instrument_files
+from endolock.twin.world import scenario as scenarios
+from endolock.twin.world.scenario import Scenario, Tracker
 
 BENDS_DEG = (0, 30, 60, 90)
 """Bends at which widths are told."""
@@ -191,7 +191,7 @@ def _strokes(
         request.rig,
         scenario_for(request.shaft_deg, request.noise_deg),
         vision="truth",
-        instrument=instruments.load(request.instrument),
+        instrument=instrument_files.load(request.instrument),
         numerics=request.numerics,
         seed=request.seed,
     )

@@ -17,8 +17,8 @@ from endolock.control.identification.fits import Fit, fit
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts import handle_logs, output, recorder
-from endolock.twin import instruments
-from endolock.twin.instrument import Instrument, Numerics
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import Instrument, Numerics
 
 UNITS = {
     "mu_wrap": "1",
@@ -80,7 +80,7 @@ def perform(request: Request) -> dict[str, Any]:
     Raises:
         ConfigError: the log cannot be fitted, or the file not be written; nothing was.
     """
-    base = instruments.load(request.base)
+    base = instrument_files.load(request.base)
     geometry = Geometry(
         bending_length_m=base.bending_length_m,
         wire_radius_m=base.wire_radius_m,
@@ -108,7 +108,7 @@ def perform(request: Request) -> dict[str, Any]:
         "wall_s": wall_s,
         "instrument": str(target),
     }
-    text = instruments.dump(_instrument(found, base, shaft_deg), _header(request, record))
+    text = instrument_files.dump(_instrument(found, base, shaft_deg), _header(request, record))
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:

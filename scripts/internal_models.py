@@ -27,7 +27,7 @@ from endolock.control.transmission.quasi_static import Cable, Geometry, Transmis
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli, output, recorder, run
 from endolock.scripts.checks import cable_of
-from endolock.twin.instrument import Instrument
+from endolock.twin.world.instrument import Instrument
 
 SCENARIOS = ("straight", "circle", "triangle", "random")
 LAW = "predictive_bank"

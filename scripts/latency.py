@@ -21,8 +21,8 @@ from endolock.control.identification import latency_estimate
 from endolock.hw.api import AXES, Command, ConfigError, Frame
 from endolock.scripts import output, rigs
 from endolock.scripts.progress import progress
-from endolock.twin import instruments
-from endolock.twin import scenario as scenarios
+from endolock.twin.world import instrument_files
+from endolock.twin.world import scenario as scenarios
 from endolock.vision.ego_motion import EgoMotion
 from endolock.vision.observation import Eyes
 
@@ -103,7 +103,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         request.rig,
         scenario,
         vision="markers",
-        instrument=instruments.load(request.instrument),
+        instrument=instrument_files.load(request.instrument),
         seed=request.seed,
         bench=rigs.bench_of(request.rig, request.bench),
     )

@@ -19,9 +19,9 @@ from endolock.hw.api import Command, Vector
 from endolock.scripts import batch
 from endolock.scripts.output import markdown
 from endolock.scripts.questions import COLOURS, Answer, request
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel.packets import crc
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
 from endolock.hw.emulator.bus_server import BITS
-from endolock.twin.hil import BAUD, HilRig
+from endolock.twin.hil.hil_rig import BAUD, HilRig
 from endolock.vision.truth import TruthEyes
 
 CYCLES = 3000

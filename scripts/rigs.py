@@ -18,12 +18,12 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
 from endolock.scripts.checks import cable_of
-from endolock.twin.hil import HilRig
-from endolock.twin.instrument import NUMERICS, Instrument
+from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
-from endolock.twin.scenario import Scenario
 from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.world.instrument import NUMERICS, Instrument
+from endolock.twin.world.scenario import Scenario
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Eyes
 from endolock.vision.track import Selection, TrackEyes

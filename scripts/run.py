@@ -19,8 +19,8 @@ from endolock.hw.bench.bench_file import Bench
 from endolock.scripts import output, record_table, recorder, rigs, variation
 from endolock.scripts.progress import closing, progress
 from endolock.scripts.target_path import hindsight
-from endolock.twin.instrument import Instrument
-from endolock.twin.scenario import Scenario
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.scenario import Scenario
 from endolock.vision.track import Selection
 
 UNRECORDED = ("json", "view", "dry_run")

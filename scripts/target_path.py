@@ -15,11 +15,11 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Pose, Vector
-from endolock.twin import optics
-from endolock.twin.course import Course
-from endolock.twin.instrument import Instrument
-from endolock.twin.scenario import Scenario
+from endolock.twin.camera import optics
 from endolock.twin.surrogate import section_of
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario import Scenario
 from endolock.vision import camera_model
 
 STEP_S = 0.1

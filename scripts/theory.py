@@ -7,9 +7,9 @@ from typing import Any
 
 from endolock.control.transmission.linear_process import HOLD_S, LAG_S, Process
 from endolock.scripts import run
-from endolock.twin import optics
-from endolock.twin.motion import Random
-from endolock.twin.scenario import Scenario
+from endolock.twin.camera import optics
+from endolock.twin.world.motion import Random
+from endolock.twin.world.scenario import Scenario
 
 PIXEL_NOISE = 0.1
 """Noise of each coordinate of the target that the floor grants [px]: that of markers."""

@@ -11,8 +11,8 @@ from endolock.control import loop, registry
 from endolock.control.loop import Controller
 from endolock.hw.api import Command, State, Vector
 from endolock.scripts import rigs
-from endolock.twin.instrument import Instrument
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation
 from endolock.vision.truth import TruthEyes
 

@@ -22,9 +22,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.twin import instruments, scenario
-from endolock.twin.instrument import Instrument
-from endolock.twin.scenario import Scenario
+from endolock.twin.world import instrument_files, scenario
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.scenario import Scenario
 
 FOLDER = "disturbances"
 """Where those are that come with the package, below `models`."""
@@ -106,7 +106,7 @@ def apply(
     """
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
-    made = instruments.load(instrument)
+    made = instrument_files.load(instrument)
     base = scenario.load(source)
     for entry in entries:
         one = read(entry)

@@ -15,8 +15,8 @@ import numpy as np
 
 from endolock.hw.api import Image
 from endolock.scripts import vision_sequences as sequences
-from endolock.twin import scenario as scenarios
-from endolock.twin.studio import Place, Studio
+from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.world import scenario as scenarios
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.reference import Affine, Reference, select
 from endolock.vision.tracker import Tracker

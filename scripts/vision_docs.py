@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from endolock.scripts import latency, output
 from endolock.scripts import vision_benchmark as benchmark
 from endolock.scripts import vision_sequences as sequences
-from endolock.twin import scenario as scenarios
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario as scenarios
 from endolock.vision.triple_check import LIMIT_PX
 
 COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d")

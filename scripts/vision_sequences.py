@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Image
-from endolock.twin import scenario as scenarios
-from endolock.twin.studio import Place, Studio
+from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.world import scenario as scenarios
 
 RATE_HZ = 25.0
 DISTANCE_M = 0.12

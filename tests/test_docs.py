@@ -7,7 +7,7 @@ import pytest
 
 from endolock.control import registry
 from endolock.scripts import docs
-from endolock.twin import generate
+from endolock.twin.model import generate
 
 ROOT = Path(__file__).parents[1]
 NOT_SIMPLE = {"predictive", "predictive_bank", "oracle", "repetitive"}

@@ -21,13 +21,16 @@ from endolock.hw.api import ConfigError, Image
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.direct_link import DirectLink
 from endolock.hw.guard import Guard
-from endolock.twin import camera, motor, optics, scenario, scene, shutter
-from endolock.twin.instrument import Instrument, Numerics
-from endolock.twin.plant import TwinPlant
-from endolock.twin.scenario import Scenario
-from endolock.twin.shutter import Moment
-from endolock.twin.tracker import TwinTracker
-from endolock.twin.truth import TwinTruth
+from endolock.twin.camera import exposure, optics, renderer
+from endolock.twin.camera.exposure import Moment
+from endolock.twin.ground_truth import TwinTruth
+from endolock.twin.model import scene
+from endolock.twin.physics import motor
+from endolock.twin.physics.plant import TwinPlant
+from endolock.twin.pose_tracker import TwinTracker
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.scenario import Scenario
 from endolock.vision import camera_model
 
 OVERVIEW_SIZE = (480, 360)
@@ -109,21 +112,21 @@ class TwinRig:
         model = self.plant.model
         calibration = optics.calibration(video)
         self._tip, self._fixed = (scene.camera_id(model, name) for name in ("tip", "overview"))
-        self.camera = camera.tip_camera(video, self.clock, seed)
-        self.overview: camera.TwinCamera | None = None
+        self.camera = renderer.tip_camera(video, self.clock, seed)
+        self.overview: renderer.TwinCamera | None = None
         if overview and pictures:
             fixed = camera_model.from_fovy(*OVERVIEW_SIZE, scene.OVERVIEW_FOVY_DEG)
-            self.overview = camera.TwinCamera(fixed, self.clock, seed)
-        under_way = camera.under_way(video)
+            self.overview = renderer.TwinCamera(fixed, self.clock, seed)
+        under_way = renderer.under_way(video)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
-        self._renderer = camera.Renderer(model) if pictures else None
+        self._renderer = renderer.Renderer(model) if pictures else None
         self._optics = optics.Optics(video, seed) if pictures else None
         self._shot = optics.shot(video)
         self._available: float | None = None
         self._pictures: list[Image] = []
         self._blurred = False
         self._darkroom = ThreadPoolExecutor(1)  # one, so that noise is drawn in the same order
-        self._shutter = shutter.moments(video, self.clock.timestep_s, pictures=pictures)
+        self._shutter = exposure.moments(video, self.clock.timestep_s, pictures=pictures)
         self._moment = next(self._shutter)
 
     def advance(self, step: int) -> None:

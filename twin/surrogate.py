@@ -25,12 +25,12 @@ from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
-from endolock.twin import camera
-from endolock.twin.course import Course
-from endolock.twin.instrument import Instrument
+from endolock.twin.camera import renderer
+from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.rig import load
-from endolock.twin.scenario import Scenario
-from endolock.twin.truth import TwinTruth
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario import Scenario
 
 TIMESTEP_S = 0.01
 SERVO_LAG_S = 0.025
@@ -94,8 +94,8 @@ class SurrogateRig:
         self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
         self.actuators = Guard(SurrogateDrive(self.plant, self.clock, made))
         video = self.scenario.camera
-        self.camera = camera.tip_camera(video, self.clock, seed)
-        under_way = camera.under_way(video)
+        self.camera = renderer.tip_camera(video, self.clock, seed)
+        under_way = renderer.under_way(video)
         calibration = self.camera.calibration
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._frames = 0

@@ -3,8 +3,8 @@
 from endolock.control.laws.pi import PI
 from endolock.control.loop import run
 from endolock.control.metrics import score
-from endolock.twin import scenario
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
 from endolock.vision.truth import TruthEyes
 
 for latency_s in (0.0, 0.2, 0.4):

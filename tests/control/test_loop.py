@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from endolock.control import loop
 from endolock.control.laws.pi import PI
 from endolock.hw.api import Command, CommandError, ConfigError, DeviceFault, Frame, Mode, State
-from endolock.twin.instrument import Instrument
-from endolock.twin.motion import Circle
 from endolock.twin.rig import TwinRig
-from endolock.twin.scenario import Camera, Scenario
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.motion import Circle
+from endolock.twin.world.scenario import Camera, Scenario
 from endolock.vision.observation import Observation, Status
 from endolock.vision.truth import TruthEyes
 

@@ -14,8 +14,8 @@ from endolock.control import registry
 from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Mode, State
 from endolock.scripts import rigs
-from endolock.twin.instrument import Instrument
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation, Status
 
 CAMERA = Calibration(width=640, height=480, focal_px=262.0, centre_px=(319.5, 239.5))

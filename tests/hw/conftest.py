@@ -16,9 +16,9 @@ from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.loopback import Loopback
 from endolock.hw.guard import Guard
-from endolock.twin import motor
-from endolock.twin.instrument import Instrument
+from endolock.twin.physics import motor
 from endolock.twin.rig import TwinRig
+from endolock.twin.world.instrument import Instrument
 
 
 class HandClock:

@@ -24,7 +24,7 @@ from endolock.hw.dynamixel.port import serial_port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.emulator.wire_faults import parse
 from endolock.scripts import bus, cli, recorder
-from endolock.twin.hil import HilRig
+from endolock.twin.hil.hil_rig import HilRig
 from endolock.vision.truth import TruthEyes
 
 NAMES = {1: "up_down", 2: "left_right"}

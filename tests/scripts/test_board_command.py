@@ -17,9 +17,9 @@ import pytest
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Frame, Image
 from endolock.scripts import board_svg, cli
-from endolock.twin import drawing
-from endolock.twin import scenario as scenarios
-from endolock.twin.course import Course
+from endolock.twin.model import drawing
+from endolock.twin.world import scenario as scenarios
+from endolock.twin.world.playback import Course
 from endolock.vision.markers import MarkerEyes
 from endolock.vision.observation import Status
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from endolock.scripts import batch, ensemble, run, theory
-from endolock.twin import scenario
+from endolock.twin.world import scenario
 
 pytestmark = pytest.mark.slow
 LAW = "predictive_bank"

@@ -14,9 +14,9 @@ from endolock.hw.api import ConfigError, Mode, Pose
 from endolock.scripts import cli, hysteresis, recorder
 from endolock.scripts.hysteresis import Request
 from endolock.scripts.hysteresis_protocol import Protocol
-from endolock.twin import instruments
+from endolock.twin.pose_tracker import TwinTracker
 from endolock.twin.rig import TwinRig
-from endolock.twin.tracker import TwinTracker
+from endolock.twin.world import instrument_files
 
 
 def _measured(**options: Any) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def test_the_other_axis_widens_the_loop(axis: Any) -> None:
 
 
 def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
-    slack = instruments.load("slack")
+    slack = instrument_files.load("slack")
     right = pytest.approx(2 * slack.slack_m / slack.pulley_radius_m, rel=0.1)
     assert _measured(instrument="slack", numerics="fast")["deadband_rad"] == right
     assert (

@@ -12,7 +12,7 @@ import pytest
 from endolock.control.transmission.quasi_static import Cable, Geometry, simulate
 from endolock.hw.api import Vector
 from endolock.scripts import cli, handle_logs
-from endolock.twin import instruments
+from endolock.twin.world import instrument_files
 
 MADE = Cable(wrap_friction=0.6, section_friction=0.18, stiffness=9e4, slack_m=-3e-3, sheath=0.08)
 COLUMNS = (handle_logs.TIME, *handle_logs.HANDLES, *handle_logs.BENDS)
@@ -48,7 +48,7 @@ def test_a_csv_file_becomes_an_instrument(
     assert record["params"]["mu_wrap"]["determined"]
     assert record["params"]["mu_wrap"]["value"] == pytest.approx(0.6, rel=0.05)  # noise of 0.06 deg
     assert record["heldout_rms_deg"] == pytest.approx(degrees(1e-3), rel=0.3)
-    found = instruments.load(tmp_path / "bench-instrument.toml")
+    found = instrument_files.load(tmp_path / "bench-instrument.toml")
     assert found.wire_stiffness == pytest.approx(9e4 * found.bending_stiffness, rel=0.05)
     assert found.slack_m == pytest.approx(-3e-3, rel=0.05)
     assert found.conduit_friction * found.wrap_at(pi) == pytest.approx(0.6, rel=0.05)

@@ -13,10 +13,10 @@ from endolock.control.transmission.plays import Plays
 from endolock.hw.api import Command, State
 from endolock.scripts import batch, cli, record_table, run
 from endolock.scripts.target_path import hindsight, places
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
 from endolock.vision.truth import TruthEyes

@@ -9,8 +9,8 @@ import pytest
 
 from endolock.hw.api import ConfigError
 from endolock.scripts import cli, recorder, run, variation
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 
 QUICK = ["--vision", "truth", "--duration-s", "2"]
 

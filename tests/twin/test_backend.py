@@ -7,8 +7,8 @@ import os
 import numpy as np
 
 import endolock
-from endolock.twin import scenario
-from endolock.twin.studio import Place, Studio
+from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.world import scenario
 
 
 def egl_is_current() -> bool:

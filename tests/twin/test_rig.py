@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.hw.api import Command, ConfigError, Rig
-from endolock.twin import scenario
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
 
 
 def _fast(**camera: float) -> scenario.Scenario:

@@ -15,10 +15,10 @@ from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
 from endolock.hw.api import Command, ConfigError, Pose
 from endolock.scripts import rigs
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import Follower, SurrogateRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
 from endolock.vision.truth import TruthEyes
 

@@ -6,8 +6,8 @@ import pytest
 
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Vector
-from endolock.twin import optics
-from endolock.twin.scenario import Camera
+from endolock.twin.camera import optics
+from endolock.twin.world.scenario import Camera
 from endolock.vision import board_pose, camera_model
 
 CAMERAS = {

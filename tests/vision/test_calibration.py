@@ -9,8 +9,8 @@ import pytest
 
 from endolock.hw.api import Calibration, ConfigError
 from endolock.hw.camera import camera_file
-from endolock.twin import scenario
-from endolock.twin.studio import Place, Studio
+from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.world import scenario
 from endolock.vision import calibration
 from endolock.vision.detector import Marker, MarkerDetector, grey_of
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from endolock.hw.api import Frame, Image, Vector
-from endolock.twin import tissue
+from endolock.twin.model import tissue
 from endolock.vision import camera_model
 from endolock.vision.ego_motion import EgoMotion, Rotation
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from endolock.hw.api import Calibration
-from endolock.twin import optics
-from endolock.twin.scenario import Camera
+from endolock.twin.camera import optics
+from endolock.twin.world.scenario import Camera
 from endolock.vision import camera_model
 
 FISHEYE = optics.calibration(Camera(projection="equidistant", diagonal_deg=120.0))

@@ -10,9 +10,9 @@ from endolock.control.loop import Run, run
 from endolock.control.metrics import score
 from endolock.hw.api import ConfigError, Frame
 from endolock.scripts import rigs
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import COAST_FRAMES, Status
 from endolock.vision.track import TrackEyes
 

@@ -7,9 +7,9 @@ import pytest
 
 from endolock.control import loop, metrics, registry
 from endolock.scripts import rigs
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation, Status
 from endolock.vision.truth import TruthEyes
 

@@ -20,8 +20,8 @@ from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import Mode, State, Vector
 from endolock.scripts import run as runs
 from endolock.scripts.checks import cable_of
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.truth import TruthEyes
 
 TIGHT = Cable(wrap_friction=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05)

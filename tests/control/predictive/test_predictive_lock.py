@@ -16,9 +16,9 @@ from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.predictive.target_prediction import Bank, Harmonic, Mover
 from endolock.control.transmission.plays import ONE_PLAY, Plays, play
 from endolock.scripts import rigs
-from endolock.twin import scenario
-from endolock.twin.instrument import Instrument
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world import scenario
+from endolock.twin.world.instrument import Instrument
 from endolock.vision.truth import TruthEyes
 
 FRAME_S = 0.04

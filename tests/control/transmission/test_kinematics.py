@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.hw.api import Calibration, ConfigError
-from endolock.twin.instrument import Instrument
 from endolock.twin.rig import TwinRig
+from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
 
 SECTION = SectionGeometry()

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry, simulate
 from endolock.hw.api import ConfigError, Vector
 from endolock.scripts.checks import cable_of, still, turn
-from endolock.twin import instruments
-from endolock.twin.closed_forms import PulledSection
-from endolock.twin.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.physics.closed_forms import PulledSection
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 
 TIGHT = Cable(wrap_friction=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05)
 
@@ -24,10 +24,10 @@ def _alone(cable: Cable, handle: Vector, hinges: int = 12) -> tuple[Vector, Vect
     return simulate(cable, Geometry(hinges=hinges), handle, still_there, still_there)
 
 
-@pytest.mark.parametrize("name", instruments.names())
+@pytest.mark.parametrize("name", instrument_files.names())
 def test_a_twin_of_fewer_hinges_moves_alike(name: str) -> None:
     """With those of `fast`; the usual number is one of the checks of the model card."""
-    instrument, numerics = instruments.load(name), NUMERICS["fast"]
+    instrument, numerics = instrument_files.load(name), NUMERICS["fast"]
     plant = still(instrument, numerics, shaft_deg=180.0)
     motion = turn(plant, [(0, 0), (20, 2.0), (60, -2.0), (100, 2.0), (112, 0.8), (120, 1.6)])
     every = slice(None, None, 10)

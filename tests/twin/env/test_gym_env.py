@@ -1,0 +1,102 @@
+"""The Gymnasium environments: the checker is content, and they are the dm-control ones."""
+
+import multiprocessing
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
+from endolock.hw.api import ConfigError
+from endolock.twin.env import target_lock
+from endolock.twin.world import scenario
+
+pytestmark = pytest.mark.extra
+
+SMALL = scenario.load(
+    "circle", {"duration_s": 0.4, "camera.latency_s": 0.1, "camera.width": 64, "camera.height": 48}
+)
+
+
+@pytest.fixture(scope="module")
+def gymnasium() -> Any:
+    """Gymnasium, with the environments registered; imported late, as it may be missing."""
+    import gymnasium
+
+    import endolock.twin.env.gym_env  # noqa: F401
+
+    return gymnasium
+
+
+@pytest.mark.parametrize("name", ["Endolock/TargetLock-v0", "Endolock/TargetLock-Pixels-v0"])
+def test_the_checker_has_nothing_to_say(gymnasium: Any, name: str) -> None:
+    from gymnasium.utils.env_checker import check_env
+
+    made = gymnasium.make(f"endolock.twin.env.gym_env:{name}")
+    check_env(made.unwrapped)  # its warnings are errors here
+    made.close()
+
+
+def test_it_is_the_dm_control_environment(gymnasium: Any) -> None:
+    made = gymnasium.make("Endolock/TargetLock-v0", scenario=SMALL)
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
+    with target_lock.make(SMALL, seed=5) as ours:
+        observed, _ = made.reset(seed=5)
+        expected = ours.reset()
+        for action in actions:
+            assert observed.keys() == expected.observation.keys()
+            for name, value in expected.observation.items():
+                assert observed[name] == pytest.approx(value, abs=1e-6)  # float32
+            observed, reward, terminated, truncated, _ = made.step(action)
+            expected = ours.step(action.astype(float) * np.pi)
+            assert reward == pytest.approx(expected.reward, abs=1e-9)  # the action's last bits
+            assert not terminated
+        assert truncated == expected.last() is True
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        made.step(actions[0])
+    made.close()
+
+
+def test_render_shows_what_pixels_observe(gymnasium: Any) -> None:
+    made = gymnasium.make("Endolock/TargetLock-Pixels-v0", scenario=SMALL, render_mode="rgb_array")
+    observed, _ = made.reset(seed=0)
+    assert not made.render().any()
+    for _ in range(10):
+        observed, *_ = made.step(np.zeros(2, np.float32))
+    assert np.array_equal(made.render(), observed["pixels"])
+    assert observed["pixels"].shape == (48, 64, 3)
+    made.close()
+    with pytest.raises(ConfigError, match="render mode 'human' is unknown; use rgb_array"):
+        type(made.unwrapped)(render_mode="human")
+
+
+def test_side_by_side_each_has_its_seed_and_equals_the_single_one(gymnasium: Any) -> None:
+    from endolock.twin.env import gym_env
+
+    noisy = scenario.load("circle", {"camera.latency_s": 0.1, "camera.jitter_s": 0.05})
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 2, 2)).astype(np.float32)
+    several = gym_env.vector(2, scenario=noisy)
+    single = gymnasium.make("Endolock/TargetLock-v0", scenario=noisy)
+    try:
+        several.reset(seed=3)
+        single.reset(seed=4)
+        for both in actions:
+            observed, rewards, *_ = several.step(both)
+            alone, reward, *_ = single.step(both[1])
+            assert {name: value[1].tobytes() for name, value in observed.items()} == {
+                name: value.tobytes() for name, value in alone.items()
+            }
+            assert rewards[1] == reward
+        assert observed["frame_age"][0] != observed["frame_age"][1]  # jitter of another seed
+    finally:
+        several.close()
+        single.close()
+    assert not multiprocessing.active_children()
+
+
+def test_bench_measures_them(gymnasium: Any) -> None:
+    from endolock.scripts import bench
+
+    figures = bench.env()
+    assert set(figures) == {"steps_per_s", "vector_steps_per_s", "environments"}
+    assert all(value > 0 for value in figures.values())

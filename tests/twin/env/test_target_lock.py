@@ -1,0 +1,238 @@
+"""The dm-control environment: its contract, late vision without a leak, reproducible episodes."""
+
+import unittest
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from endolock.control import loop
+from endolock.control.laws.pi import PI
+from endolock.hw.api import CommandError, ConfigError, Frame, Vector
+from endolock.twin.rig import TwinRig
+from endolock.twin.world import scenario
+from endolock.vision.markers import MarkerEyes
+from endolock.vision.truth import TruthEyes
+
+pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
+from dm_env import test_utils
+
+from endolock.twin.env import target_lock
+
+SMALL = {"camera.width": 64, "camera.height": 48}
+
+
+def _load(name: str, **camera: float) -> scenario.Scenario:
+    return scenario.load(name, {f"camera.{key}": value for key, value in camera.items()})
+
+
+class Contract(test_utils.EnvironmentTestMixin, unittest.TestCase):  # type: ignore[misc]  # untyped
+    """What every dm_env environment must do."""
+
+    __test__ = False
+    pixels = False
+
+    def make_object_under_test(self) -> target_lock.Environment:
+        """Make an environment of short episodes."""
+        short = scenario.load("circle", {"duration_s": 0.2, "camera.latency_s": 0.1} | SMALL)
+        return target_lock.make(short, pixels=self.pixels)
+
+    def make_action_sequence(self) -> Iterator[Vector]:
+        """Act at random for two episodes of ten steps, and more."""
+        spec = self.environment.action_spec()
+        random = np.random.default_rng(0)
+        for _ in range(25):
+            yield random.uniform(spec.minimum, spec.maximum)
+
+
+class TestState(Contract):
+    """With eyes."""
+
+    __test__ = True
+
+
+class TestPixels(Contract):
+    """With pictures."""
+
+    __test__ = True
+    pixels = True
+
+
+def _episode(
+    made: target_lock.Environment, actions: Iterable[Sequence[float] | Vector]
+) -> list[Any]:
+    return [made.reset(), *(made.step(action) for action in actions)]
+
+
+def _bits(steps: list[Any]) -> list[Any]:
+    return [
+        (s.step_type, s.reward, s.discount, {k: v.tobytes() for k, v in s.observation.items()})
+        for s in steps
+    ]
+
+
+def test_reward_is_one_at_the_centre_and_a_half_where_it_says() -> None:
+    with target_lock.make("rest") as made:
+        made.reset()
+        assert made.step((0.0, 0.0)).reward == pytest.approx(1.0, abs=1e-6)  # 5 mdeg of sag
+    assert target_lock.reward(0.0) == 1.0
+    assert target_lock.reward(target_lock.HALF_ERROR_DEG) == 0.5
+    rewards = [target_lock.reward(error) for error in np.linspace(0, 180, 100)]
+    assert rewards == sorted(rewards, reverse=True)
+    assert rewards[-1] > 0
+
+
+def test_an_episode_is_the_run_with_the_same_commands() -> None:
+    assert target_lock.PERIOD_S == loop.PERIOD_S
+    late = _load("straight", jitter_s=0.03, drop_fraction=0.2)
+    with TwinRig(late, pictures=False, seed=4) as rig:
+        rig.clock.sleep_until(0.0)
+        ran = loop.run(rig, TruthEyes(rig.truth), PI(rig.camera.calibration), duration_s=2.0)
+    with target_lock.make(late, seed=4) as made:
+        steps = _episode(made, [t.command.position for t in ran.ticks[1:] if t.command])
+    assert len(steps) == len(ran.ticks) == 101
+    for step, tick in zip(steps, ran.ticks, strict=True):
+        assert tuple(step.observation["handle_position"]) == tick.state.position
+        assert tick.truth
+        assert step.first() or step.reward == target_lock.reward(tick.truth.error_deg)
+
+
+@pytest.mark.parametrize("pixels", [False, True])
+def test_one_seed_and_the_same_actions_give_the_same_episodes(pixels: bool) -> None:
+    noisy = _load("circle", jitter_s=0.05, drop_fraction=0.3, latency_s=0.1, width=64, height=48)
+    actions = np.random.default_rng(1).uniform(-1, 1, (40, 2))
+
+    def two(seed: int) -> list[list[Any]]:
+        with target_lock.make(noisy, pixels=pixels, seed=seed) as made:
+            return [_bits(_episode(made, actions)) for _ in range(2)]
+
+    first, second = two(7)
+    assert two(7) == [first, second]
+    assert first != second  # other noise in every episode
+    assert two(8)[0] != first
+
+
+def test_the_present_is_not_observed() -> None:
+    # Until the first frame arrives, two targets in different places must look the same.
+    steps = {}
+    for name in ("rest", "circle"):
+        with target_lock.make(_load(name, latency_s=1.0)) as made:
+            steps[name] = _episode(made, np.full((49, 2), 0.3))
+    for one, other in zip(steps["rest"], steps["circle"], strict=True):
+        assert _bits([one])[0][3] == _bits([other])[0][3]
+        assert one.first() or one.reward != other.reward
+
+
+def test_the_picture_is_late_by_its_age() -> None:
+    with target_lock.make("circle", pixels=True) as made:
+        step = made.reset()
+        while made.physics.time() < 0.399:
+            assert not step.observation["pixels"].any()  # nothing has arrived yet
+            assert step.observation["frame_age"][0] == pytest.approx(made.physics.time())
+            step = made.step((0.3, 0.2))
+        for _ in range(25):
+            step = made.step((0.3, 0.2))
+        rig: TwinRig = made.physics.rig
+        (age,) = step.observation["frame_age"]
+        assert 0.4 - 1e-9 <= age <= 0.44 + 1e-9  # the latency and up to a frame; rounding
+        exposed = made.physics.time() - age
+        frame = Frame(
+            image=step.observation["pixels"], t_capture=exposed, t_available=0, seq=0, dropped=0
+        )
+        seen = MarkerEyes(rig.camera.calibration, rig.board)(frame)
+        then = rig.truth.at_exposure(round(exposed * 25))
+        assert then.t == pytest.approx(exposed)
+        assert seen.target_px == pytest.approx(then.target_px, abs=0.5)  # marker noise and tilt
+        now = rig.truth.now().target_px
+        assert np.hypot(*np.subtract(now, then.target_px)) > 5  # it moved on since
+
+
+def test_the_error_is_above_and_right_and_eyes_agree() -> None:
+    def marker_eyes(rig: TwinRig) -> target_lock.Eyes:
+        return MarkerEyes(rig.camera.calibration, rig.board)
+
+    right = scenario.load(
+        "rest",
+        {
+            "camera.latency_s": 0.0,
+            "motion": [{"kind": "circle", "radius_m": 0.02, "period_s": 1e6}],
+        },
+    )
+    seen = []
+    for eyes in (target_lock.exact_eyes, marker_eyes):
+        with target_lock.make(right, eyes=eyes) as made:
+            seen.append(made.reset().observation)
+    for observed in seen:
+        # 20 mm to the right at 120 mm; 0.5 px of 262 px for the markers
+        assert observed["target_error"] == pytest.approx((0.0, 0.02 / 0.12), abs=0.002)
+        assert observed["tracking"] == 1
+
+
+def test_turning_by_the_error_brings_the_target_nearer() -> None:
+    with target_lock.make(_load("circle", latency_s=0.0)) as made:
+        first = made.reset().observation["target_error"]
+        for _ in range(100):
+            step = made.step(first)  # about the handle angle that bends the section so far
+        assert np.abs(step.observation["target_error"][1]) < np.abs(first[1]) / 2
+
+
+def test_what_was_last_seen_stays_and_ages_once_the_target_is_lost() -> None:
+    with target_lock.make(_load("rest", latency_s=0.1)) as made:
+        made.reset()
+        seen: list[Any] = []
+        lost: list[Any] = []
+        for _ in range(100):
+            observed = made.step((3.0, 0.0)).observation
+            (seen if observed["tracking"] else lost).append(observed)
+    assert len(seen) > 5
+    assert len(lost) > 50
+    late = lost[10:]
+    ages = [observed["frame_age"][0] for observed in late]
+    assert np.diff(ages) == pytest.approx(target_lock.PERIOD_S)
+    assert all(np.array_equal(o["target_error"], seen[-1]["target_error"]) for o in late)
+
+
+def test_wild_actions_stay_within_the_specifications() -> None:
+    with target_lock.make(_load("straight", jitter_s=0.1, drop_fraction=0.1)) as made:
+        actions, observed = made.action_spec(), made.observation_spec()
+        assert tuple(actions.maximum) == pytest.approx((np.pi, np.pi))
+        made.reset()
+        random = np.random.default_rng(2)
+        corners = np.array([actions.minimum, actions.maximum])
+        for n in range(400):
+            if n % 40 == 0:  # from one end to the other and on the way, without a following error
+                action = corners[random.integers(2, size=2), [0, 1]]
+            step = made.step(actions.validate(action))
+            for name, spec in observed.items():
+                spec.validate(step.observation[name])
+            made.reward_spec().validate(step.reward)
+
+
+def test_an_episode_ends_with_its_scenario() -> None:
+    with target_lock.make(scenario.load("rest", {"duration_s": 0.3})) as made:
+        steps = _episode(made, np.zeros((15, 2)))
+        assert [s.last() for s in steps] == [False] * 15 + [True]
+        assert steps[-1].discount == 1.0  # time ran out, nothing else
+        assert made.step((0.0, 0.0)).first()
+
+
+def test_physics_sleeps_on_the_clock_of_the_rig() -> None:
+    with target_lock.make("rest") as made:
+        made.reset()
+        made.physics.step(7)
+        rig = made.physics.rig
+        assert made.physics.time() == rig.clock.now() == pytest.approx(7 * rig.clock.timestep_s)
+
+
+@pytest.mark.parametrize(("action", "error"), [((np.nan, 0.0), "finite"), ((0.0,), "give 2")])
+def test_a_bad_action_is_refused(action: tuple[float, ...], error: str) -> None:
+    with target_lock.make("rest") as made:
+        made.reset()
+        with pytest.raises(CommandError, match=error):
+            made.step(action)
+
+
+def test_a_bad_seed_is_refused() -> None:
+    with pytest.raises(ConfigError, match="seed -1"):
+        target_lock.make("rest", seed=-1)

@@ -1,0 +1,71 @@
+"""Instrument files: what they give, what is said of bad ones, that writing one loses nothing."""
+
+import tomllib
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from endolock.hw.api import ConfigError
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import Instrument
+
+
+def test_the_default_is_the_file_of_its_name() -> None:
+    assert instrument_files.load("pretensioned") == Instrument()
+
+
+def test_the_two_regions_end_where_the_default_is() -> None:
+    two = instrument_files.load("two_region")
+    assert two.slack_at(0.0) > 0
+    # the loss is written with 14 digits
+    assert two.slack_at(-3.141592653589793) == pytest.approx(Instrument().slack_m, rel=1e-9)
+
+
+@given(slack_m=st.floats(-0.01, 0.01), stiffness=st.floats(1.0, 1e6))
+def test_an_instrument_survives_its_file(
+    tmp_path_factory: pytest.TempPathFactory, slack_m: float, stiffness: float
+) -> None:
+    instrument = Instrument(slack_m=slack_m, wire_stiffness=stiffness)
+    file = tmp_path_factory.mktemp("instrument") / "mine.toml"
+    file.write_text(instrument_files.dump(instrument, "Mine.\n\nAll of it."), encoding="utf-8")
+    assert instrument_files.load(file) == instrument
+
+
+def test_a_file_says_what_every_value_means() -> None:
+    text = instrument_files.dump(Instrument(), "Mine.")
+    for field, meaning in zip(fields(Instrument), instrument_files.meanings().items(), strict=True):
+        name, told = meaning
+        assert name == field.name
+        assert "[" in told, f"{name} has no unit"
+        assert "ssumed" in told or "Literature" in told or "Data sheet" in told, name
+    assert tomllib.loads(text) == asdict(Instrument())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "conduit_frction = 1",
+            "instrument mine: unknown key conduit_frction; did you mean cond",
+        ),
+        ("conduit_friction = -1", "conduit_friction is -1; use zero or more, in .*mine.toml"),
+        ("wire_stiffness = 0", "wire_stiffness is 0; use more than zero, in .*mine.toml"),
+        ("wire_stiffness = 'much'", "instrument mine: wire_stiffness: should be a valid number"),
+        ("slack_m = nan", "slack_m is nan; use a finite number"),
+        ("slack_m =", "instrument .*mine.toml is not TOML"),
+    ],
+)
+def test_a_bad_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=message) as told:
+        instrument_files.load(file)
+    assert "\n" not in str(told.value)
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"'slak' is unknown; .* did you mean slack"):
+        instrument_files.load("slak")

@@ -1,0 +1,1 @@
+"""The twin's cameras: stage, optics, renderer, exposure, stills."""

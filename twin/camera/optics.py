@@ -1,0 +1,137 @@
+"""From a rendered picture to what an endoscope's camera delivers.
+
+In this order: the average over an exposure, the bending of straight lines by a fisheye, gain with
+vignette and mask, the sensor's noise, a coder's artefacts. Each part is left out where the
+scenario leaves it ideal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan, ceil, degrees, hypot, radians
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from endolock.hw.api import Calibration, Image, Vector
+from endolock.twin.randomness import generator
+from endolock.twin.world.scenario import Camera
+from endolock.vision import camera_model
+
+FOCAL_SHARE = 0.9
+"""Focal length of the rendered picture over that of a fisheye's: nearly as fine in the middle, and
+finer everywhere else. Source: measured, it does not limit the markers."""
+NOISE_BANK = 4
+"""Noise is drawn once for so many pictures; each frame begins somewhere else in it."""
+
+
+class Shot(NamedTuple):
+    """The picture that is rendered: of an ideal pinhole."""
+
+    width: int
+    height: int
+    fovy_deg: float
+
+
+def calibration(camera: Camera) -> Calibration:
+    """Return the geometry of the delivered pictures."""
+    width, height = camera.width, camera.height
+    if camera.projection == "pinhole":
+        ideal = camera_model.from_fovy(width, height, camera.fovy_deg)
+        focal_px = ideal.focal_px
+    else:
+        focal_px = hypot(width, height) / radians(camera.diagonal_deg)
+    return Calibration(
+        width=width,
+        height=height,
+        focal_px=focal_px,
+        centre_px=((width - 1) / 2, (height - 1) / 2),
+        projection=camera.projection,
+        mask=camera.mask,
+    )
+
+
+def shot(camera: Camera) -> Shot:
+    """Return what must be rendered: as delivered, or wide enough for all that a fisheye shows."""
+    width, height = camera.width, camera.height
+    if camera.projection == "pinhole":
+        return Shot(width, height, camera.fovy_deg)
+    fisheye = calibration(camera)
+    seen = np.abs(_rays(fisheye)[camera_model.visible(fisheye).ravel()]).max(axis=0)
+    focal_px = FOCAL_SHARE * fisheye.focal_px
+    across, down = (2 * ceil(focal_px * float(side) + 1) for side in seen[:2])
+    return Shot(across, down, degrees(2 * atan(down / 2 / focal_px)))
+
+
+class Optics:
+    """Turns rendered pictures into delivered ones.
+
+    Args:
+        camera: what the scenario says of the camera.
+        seed: of the sensor's noise.
+    """
+
+    def __init__(self, camera: Camera, seed: int) -> None:
+        self._quality = camera.jpeg_quality
+        geometry = calibration(camera)
+        self._maps = _maps(geometry, shot(camera)) if camera.projection != "pinhole" else None
+        self._weight: Image | None = None
+        self._scale = 1.0
+        if camera.gain != 1.0 or camera.vignette or camera.mask != "none":
+            self._weight, self._scale = _weight(camera, geometry), camera.gain / 255
+        self._random = generator(seed, "camera.noise")
+        self._noise: np.ndarray | None = None
+        if camera.noise:
+            shape = (NOISE_BANK * camera.height, camera.width, 3)
+            drawn = self._random.standard_normal(shape, np.float32) * camera.noise
+            self._noise = np.rint(np.clip(drawn, -128, 127)).astype(np.int16)
+
+    def develop(self, pictures: Sequence[Image]) -> Image:
+        """Make one delivered picture.
+
+        Args:
+            pictures: rendered during one exposure, RGB; at least one.
+        """
+        image: np.ndarray = pictures[0]
+        if len(pictures) > 1:
+            total = np.zeros(image.shape, np.float32)
+            for picture in pictures:
+                cv2.accumulate(picture, total)
+            image = cv2.convertScaleAbs(total, alpha=1 / len(pictures))
+        if self._maps:
+            image = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        if self._weight is not None:
+            image = cv2.multiply(image, self._weight, scale=self._scale)
+        if self._noise is not None:
+            height = image.shape[0]
+            first = int(self._random.integers(len(self._noise) - height + 1))
+            noise = self._noise[first : first + height]
+            image = cv2.add(image, noise, dtype=cv2.CV_8U)
+        if self._quality:
+            coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])[1]
+            image = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR))
+        return np.asarray(image, np.uint8)
+
+
+def _maps(delivered: Calibration, rendered: Shot) -> tuple[np.ndarray, np.ndarray]:
+    """Where in the rendered picture each delivered pixel comes from."""
+    pinhole = camera_model.from_fovy(*rendered)
+    seen = camera_model.project_points(pinhole, _rays(delivered)).astype(np.float32)
+    x, y = (seen[:, i].reshape(delivered.height, delivered.width) for i in (0, 1))
+    return cv2.convertMaps(x, y, cv2.CV_16SC2)
+
+
+def _rays(delivered: Calibration) -> Vector:
+    """Ray of each pixel, row by row."""
+    v, u = np.indices((delivered.height, delivered.width), np.float64)
+    return camera_model.rays(delivered, np.column_stack([u.ravel(), v.ravel()]))
+
+
+def _weight(camera: Camera, geometry: Calibration) -> Image:
+    """Share of the light that each pixel gets, times 255."""
+    v, u = np.indices((camera.height, camera.width), np.float64)
+    cx, cy = geometry.centre_px
+    radius = np.hypot(u - cx, v - cy) / hypot(cx, cy)
+    share = (1 - camera.vignette * radius**4) * camera_model.visible(geometry)
+    return np.repeat(np.rint(255 * share).astype(np.uint8)[..., None], 3, axis=2)

@@ -1,0 +1,181 @@
+"""The twin's cameras: EGL pictures, and the video chain that delivers them late.
+
+A frame exposed at t is delivered at t + latency (+ jitter). What the camera believes of the
+exposure, `Frame.t_capture`, is the delivery time less the nominal latency: on a bench nothing more
+is known.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from concurrent.futures import Future
+from math import ceil
+
+import mujoco
+
+import endolock
+from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
+from endolock.twin.camera import optics
+from endolock.twin.randomness import generator
+from endolock.twin.world.scenario import Camera as Video
+
+Picture = Image | Future[Image] | None
+"""A picture, one that is still being made, or none."""
+
+
+class Renderer:
+    """Draws what a camera of the model sees, fast rather than fancy.
+
+    The OpenGL context is made with the first picture, in the thread that asks for it.
+
+    Args:
+        model: the compiled scene.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._thread: int | None = None
+        self._closed = False
+        self._option = mujoco.MjvOption()
+        self._option.tendongroup[:] = 0  # hidden in the rings, and a third of the drawing time
+        self._option.sitegroup[:] = 0
+
+    def draw(self, data: mujoco.MjData, camera: int, width: int, height: int) -> Image:
+        """Draw one picture, RGB; positions of bodies, cameras and lights must be current.
+
+        Raises:
+            ConfigError: there is no way to render off-screen here, the renderer is closed, or the
+                first picture was drawn in another thread.
+        """
+        if self._closed:
+            raise ConfigError("this rig is closed and takes no pictures; make a new one")
+        if self._thread not in (None, threading.get_ident()):
+            raise ConfigError(
+                "pictures were drawn in another thread before; sleep on the clock of a rig in one "
+                "thread only"
+            )
+        self._thread = threading.get_ident()
+        renderer = self._renderers.get((width, height))
+        if renderer is None:
+            renderer = self._renderers[width, height] = self._make(width, height)
+        renderer.update_scene(data, camera, self._option)
+        picture: Image = renderer.render()
+        return picture
+
+    def close(self) -> None:
+        """Give the OpenGL contexts back."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
+        self._closed = True
+
+    def _make(self, width: int, height: int) -> mujoco.Renderer:
+        try:
+            renderer = mujoco.Renderer(self._model, height, width)
+        except Exception as error:  # whatever the OpenGL platform in use raises
+            said = " ".join(str(error).split()) or type(error).__name__
+            raise ConfigError(
+                f"cannot render a picture off-screen with MUJOCO_GL={endolock.opengl()} ({said}); "
+                "install EGL (Debian and Ubuntu: apt install libegl1 libgl1), leave MUJOCO_GL "
+                "unset, import endolock before mujoco, or use --vision truth"
+            ) from error
+        renderer.scene.flags[:] = 0
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
+        return renderer
+
+
+class TwinCamera:
+    """A camera whose frames arrive late, sometimes irregularly, sometimes never.
+
+    Args:
+        calibration: its geometry.
+        clock: tells what has arrived.
+        seed: of the irregularities.
+        latency_s: exposure to delivery [s], also what the camera believes.
+        jitter_s: the latency varies evenly by +- this [s].
+        drop_fraction: share of the frames that never arrive [1].
+        repeat_fraction: share of the frames that arrive as a copy of the one before [1].
+        nominal_latency_s: what the camera believes of the latency [s]; the truth if None.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        clock: Clock,
+        seed: int,
+        *,
+        latency_s: float = 0.0,
+        jitter_s: float = 0.0,
+        drop_fraction: float = 0.0,
+        repeat_fraction: float = 0.0,
+        nominal_latency_s: float | None = None,
+    ) -> None:
+        self._calibration, self._clock = calibration, clock
+        self._latency_s, self._jitter_s, self._drop_fraction = latency_s, jitter_s, drop_fraction
+        self._nominal_s = latency_s if nominal_latency_s is None else nominal_latency_s
+        self._jitter = generator(seed, "camera.jitter")
+        self._drops = generator(seed, "camera.drops")
+        self._repeats, self._repeat_fraction = generator(seed, "camera.repeats"), repeat_fraction
+        self._line: deque[tuple[float, int, Picture, bool]] = deque()
+        self._sent: Picture = None
+        self._newest: Frame | None = None
+        self._last_available = 0.0
+
+    @property
+    def calibration(self) -> Calibration:
+        """Its geometry."""
+        return self._calibration
+
+    def delivery(self, t: float) -> float | None:
+        """Draw when the frame exposed at `t` [s] will arrive; None if never."""
+        late = self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
+        if self._drops.random() < self._drop_fraction:
+            return None
+        # A video chain delivers in order.
+        self._last_available = max(t + late, t, self._last_available)
+        return self._last_available
+
+    def send(self, seq: int, available: float, image: Picture) -> None:
+        """Put a picture on its way, to arrive at `available` [s]."""
+        repeated = seq > 0 and self._repeats.random() < self._repeat_fraction
+        self._sent = self._sent if repeated else image
+        self._line.append((available, seq, self._sent, repeated))
+
+    def latest(self) -> Frame | None:
+        """Return the newest frame delivered so far, None before the first."""
+        now = self._clock.now() + 1e-9
+        arrived = None
+        while self._line and self._line[0][0] <= now:
+            arrived = self._line.popleft()
+        if arrived:
+            available, seq, image, repeated = arrived
+            self._newest = Frame(
+                image=image.result() if isinstance(image, Future) else image,
+                t_capture=available - self._nominal_s,
+                t_available=available,
+                seq=seq,
+                dropped=seq - 1 - (self._newest.seq if self._newest else -1),
+                repeated=repeated,
+            )
+        return self._newest
+
+
+def tip_camera(video: Video, clock: Clock, seed: int) -> TwinCamera:
+    """Make the tip camera that a scenario asks for."""
+    return TwinCamera(
+        optics.calibration(video),
+        clock,
+        seed,
+        latency_s=video.latency_s,
+        jitter_s=video.jitter_s,
+        drop_fraction=video.drop_fraction,
+        repeat_fraction=video.repeat_fraction,
+        nominal_latency_s=video.nominal_latency_s,
+    )
+
+
+def under_way(video: Video) -> int:
+    """Most frames that are under way at once, and those of a second more for who asks late."""
+    return ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)

@@ -1,0 +1,129 @@
+"""Stills of a board at any pose, with the exact pixel of its target: the truth of benchmarks.
+
+The section stays straight, so the camera stands at the origin of the base frame; what is drawn is
+the twin's scene through the twin's optics.
+"""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import mujoco
+import numpy as np
+
+from endolock.hw import boards
+from endolock.hw.api import Frame, Image, Vector
+from endolock.twin.camera import optics, renderer, stage
+from endolock.twin.model import scene
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.scenario import Scenario
+from endolock.vision import camera_model
+
+
+class Place(NamedTuple):
+    """Where a board is, in camera axes."""
+
+    position: tuple[float, float, float]
+    """Its centre (right, down, ahead) [m]."""
+    tilt_deg: float = 0.0
+    axis_deg: float = 0.0
+    """See `scenario.Board.tilt_deg` and `tilt_axis_deg`."""
+    roll_deg: float = 0.0
+    """Turn within its plane, clockwise in the picture [deg]."""
+
+
+class Still(NamedTuple):
+    """A picture and what is true of it."""
+
+    frame: Frame
+    target_px: tuple[float, float]
+    distance_m: float
+    """Depth of the target [m]."""
+
+
+class Studio:
+    """Takes stills.
+
+    Args:
+        scenario: its board, light, camera and occluders are used; the distance is given with each
+            still.
+        seed: of the sensor's noise.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int = 0) -> None:
+        board = scenario.board
+        self._plates = scenario.occluder
+        self.board = boards.aimed(board.kind, board.target)
+        self.calibration = optics.calibration(scenario.camera)
+        self._shot = optics.shot(scenario.camera)
+        self._optics = optics.Optics(scenario.camera, seed)
+        spec = stage.build(scenario)
+        self._origin = scene.camera_at_rest(Instrument())
+        model = self._model = spec.compile()
+        self._data = mujoco.MjData(model)
+        self._index = scene.camera_id(model, "tip")
+        self._bodies = stage.movable(model)
+        self._renderer = renderer.Renderer(model)
+        self._taken = 0
+
+    def take(self, *places: Place, t: float = 0.0) -> Still:
+        """Take one still.
+
+        Args:
+            places: of the board; several are the moments of one exposure, the middle one counts.
+            t: time of the still [s]; it tells where the occluders are.
+        """
+        pictures = [self._draw(place, t).copy() for place in places]
+        place = places[len(places) // 2]
+        target = np.array([*self.board.target, 0.0])
+        point = place.position + _rotation(place) @ target
+        frame = Frame(
+            image=self._optics.develop(pictures),
+            t_capture=t,
+            t_available=t,
+            seq=self._taken,
+            dropped=0,
+        )
+        self._taken += 1
+        return Still(frame, camera_model.project(self.calibration, point), float(point[2]))
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        self._renderer.close()
+
+    def __enter__(self) -> Self:
+        """Nothing to do."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def _draw(self, place: Place, t: float) -> Image:
+        points = [place.position, *(plate.position(t) for plate in self._plates)]
+        data = self._data
+        data.mocap_pos[self._bodies] = self._origin + points @ scene.WORLD_FROM_BASE.T
+        data.mocap_quat[self._bodies[0]] = scene.board_quaternion(_rotation(place))
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        return self._renderer.draw(data, self._index, self._shot.width, self._shot.height)
+
+
+def _rotation(place: Place) -> Vector:
+    """Camera_from_board, 3x3."""
+    axis, tilt, roll = (radians(a) for a in (place.axis_deg, place.tilt_deg, place.roll_deg))
+    rotation = np.empty(9)
+    turn = np.empty(4)
+    mujoco.mju_axisAngle2Quat(turn, np.array([cos(axis), -sin(axis), 0.0]), tilt)
+    mujoco.mju_quat2Mat(rotation, turn)
+    c, s = cos(roll), sin(roll)
+    around = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    tilted: Vector = rotation.reshape(3, 3) @ around
+    return tilted

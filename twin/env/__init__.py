@@ -1,0 +1,1 @@
+"""The target lock as an environment for reinforcement learning."""

@@ -1,0 +1,1 @@
+"""Hardware in the loop: the twin behind a serial line."""

@@ -1,0 +1,249 @@
+"""The far end of a hardware-in-the-loop rig: twin and emulated bus in a process of their own.
+
+Beside the serial bytes on a pty there is a side channel, for what a bench gets by other ways: time,
+pictures, tracker poses, and the truth. In lock-step the twin moves only when it is told a time;
+else it follows the wall. The process ends with the side channel.
+"""
+
+from __future__ import annotations
+
+import select
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose, TruthSample
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.camera.picture_stream import PictureStream
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.pty_line import PtyLine
+from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
+from endolock.twin.camera.renderer import TwinCamera
+from endolock.twin.rig import TwinRig
+from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.scenario import Scenario
+
+RESTART_S = 0.3
+"""A servo answers nothing for so long after a restart, in wall time [s]. Assumed."""
+AWAY_S = 0.005
+"""While nobody has the line open, it is looked at this often [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What the near end asks for."""
+
+    scenario: Scenario
+    instrument: Instrument
+    numerics: Numerics
+    seed: int
+    pictures: bool
+    overview: bool
+    wall: bool
+    """Whether time is that of the wall; else lock-step."""
+    paced: bool
+    baud: int
+    """That the servos are set to [1/s]."""
+    faults: tuple[WireFault, ...]
+    link: Path | None = None
+    """Name of the line."""
+    video: int | None = None
+    """TCP port on which the tip camera's pictures are served."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ready:
+    """What the near end is told."""
+
+    port: str
+    origin: float | None
+    """Zero of the wall clock; None in lock-step."""
+    timestep_s: float
+    calibration: Calibration
+    board: BoardGeometry
+    overview: Calibration | None
+    tracked: bool
+    described: Mapping[str, Any]
+
+
+class FarEnd:
+    """A twin whose handles hang on an emulated bus.
+
+    Args:
+        setup: what is asked for.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self.rig = TwinRig(
+            setup.scenario,
+            instrument=setup.instrument,
+            numerics=setup.numerics,
+            seed=setup.seed,
+            pictures=setup.pictures,
+            overview=setup.overview,
+        )
+        self.rig.clock.sleep_until(0.0)  # the first picture, and whether there is OpenGL
+        now = self.rig.clock.now
+        bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
+        self.stream = None if setup.video is None else PictureStream(setup.video)
+        try:
+            self.line = PtyLine(setup.link)
+        except BaseException:
+            if self.stream:
+                self.stream.close()
+            raise
+        self.emulator = Emulator(bus, self.line, paced=setup.paced)
+        self._plugs = [f for f in setup.faults if f.kind == "unplug"]
+        for servo in self.rig.servos:
+            servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))
+            servo.reboot_s = RESTART_S if setup.wall else 0.0
+        self._shown = -1
+        self.wall = wall = WallClock() if setup.wall else None
+        if wall is not None:
+            for servo in self.rig.servos:  # physics goes by steps, a servo's clock does not
+                servo.now = lambda: max(now(), wall.now())
+
+    def ready(self) -> Ready:
+        """Describe what there is."""
+        rig = self.rig
+        return Ready(
+            port=self.line.path,
+            origin=self.wall.origin if self.wall else None,
+            timestep_s=rig.clock.timestep_s,
+            calibration=rig.camera.calibration,
+            board=rig.board,
+            overview=rig.overview.calibration if rig.overview else None,
+            tracked=rig.tracker is not None,
+            described=rig.describe(),
+        )
+
+    def catch_up(self) -> None:
+        """Let the twin follow the wall, if it does."""
+        if self.wall is not None:
+            # Not beyond the wall: what is measured must have happened.
+            self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
+        if self.stream and (frame := _news(self.rig.camera, self._shown)) is not None:
+            self._shown = frame.seq
+            assert frame.image is not None
+            self.stream.send(frame.image)
+        for fault in self._plugs:
+            due = self.rig.clock.now()
+            if fault.at_s <= due and self.line.plugged:
+                self.line.unplug()
+            if fault.lasts_s and due >= fault.at_s + fault.lasts_s:
+                self.line.plug_in()
+                self._plugs.remove(fault)
+                return
+
+    def serve(self, channel: Connection | None, until: Callable[[], bool] = lambda: False) -> None:
+        """Answer the bus and the side channel until it ends, or somebody says so.
+
+        Args:
+            channel: the side channel, if there is one.
+            until: asked again and again.
+        """
+        poll, there = select.poll(), -1
+        if channel:
+            poll.register(channel.fileno(), select.POLLIN)
+        while not until():
+            self.catch_up()
+            if self.line.fileno() != there:  # plugged in anew
+                if there >= 0:
+                    poll.unregister(there)
+                there = self.line.fileno()
+                if there >= 0:
+                    poll.register(there, select.POLLIN)
+            # In lock-step there is no hurry; the twin of a wall moves on by its own steps.
+            found = dict(poll.poll(None if self.wall is None else 1e3 * self.rig.clock.timestep_s))
+            flags = found.get(there, 0)
+            if flags & select.POLLIN:
+                self.catch_up()
+                self.emulator.answer()
+            elif flags and len(found) == 1:  # nobody has it open, and nothing tells when
+                time.sleep(AWAY_S)
+            if channel and channel.fileno() in found:
+                self.catch_up()
+                try:
+                    name, args = channel.recv()
+                except (EOFError, ConnectionError):
+                    return
+                channel.send(self._call(name, args))
+
+    def close(self) -> None:
+        """Give everything back."""
+        if self.stream:
+            self.stream.close()
+        self.line.close()
+        self.rig.close()
+
+    def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
+        try:
+            return "done", getattr(self, f"on_{name}")(*args)
+        except (ConfigError, ValueError) as error:
+            return "ConfigError", str(error)
+        except LookupError as error:
+            return "LookupError", str(error)
+
+    def on_sleep(self, t: float) -> float:
+        """Go on to a time [s]."""
+        return self.rig.clock.sleep_until(t)
+
+    def on_frame(self, newest: int) -> Frame | None:
+        """Return the newest frame, unless it is that one."""
+        return _news(self.rig.camera, newest)
+
+    def on_overview(self, newest: int) -> Frame | None:
+        """Return the fixed camera's newest frame, unless it is that one."""
+        return _news(self.rig.overview, newest) if self.rig.overview else None
+
+    def on_pose(self) -> Pose | None:
+        """Return the tracker's newest pose."""
+        return self.rig.tracker.latest() if self.rig.tracker else None
+
+    def on_truth(self) -> TruthSample:
+        """Return the truth now."""
+        return self.rig.truth.now()
+
+    def on_exposure(self, seq: int) -> TruthSample:
+        """Return the truth at an exposure."""
+        return self.rig.truth.at_exposure(seq)
+
+    def on_aim(self, pixel: tuple[float, float]) -> BoardGeometry:
+        """Make what is seen at a pixel the target."""
+        self.rig.aim(pixel)
+        return self.rig.board
+
+
+def _news(camera: TwinCamera, newest: int) -> Frame | None:
+    frame = camera.latest()
+    return None if frame is None or frame.seq == newest else frame
+
+
+def main(descriptor: int) -> int:
+    """Serve the near end at the other end of a socket; return the exit code."""
+    channel = Connection(descriptor)
+    try:
+        end = FarEnd(channel.recv())
+    except ConfigError as error:
+        channel.send(("ConfigError", str(error)))
+        return 2
+    try:
+        channel.send(("done", end.ready()))
+        end.serve(channel)
+    except BrokenPipeError:
+        pass  # the near end was killed
+    finally:
+        end.close()
+    return 0
+
+
+if __name__ == "__main__":
+    from endolock.twin.hil import hil_server  # what it sends must not belong to __main__
+
+    sys.exit(hil_server.main(int(sys.argv[1])))

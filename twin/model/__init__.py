@@ -1,0 +1,1 @@
+"""Builds the MuJoCo model: section, wires, scene and textures."""

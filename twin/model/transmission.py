@@ -1,0 +1,151 @@
+"""Cable-conduit transmission: friction nodes on the wires, renewed from the state every 10 ms.
+
+MuJoCo has no capstan friction, so each wire is cut: handle - spring - node - spring - section, with
+several nodes for loads that matter at the handle. The nodes slide with dry friction; stiffness of
+the springs and friction bounds follow from bend and tensions by the law of
+`control/transmission/cable.py`: slip slopes, plateau on reversal and T_in/T_out = exp(+-(a+b)) of
+an elastic cable in a curved conduit, with a = mu Theta of the shaft and b = mu_b |bend| of the
+section.
+"""
+
+from __future__ import annotations
+
+from math import hypot, nan
+
+import mujoco
+
+from endolock.control.transmission import cable
+from endolock.hw.api import AXES
+from endolock.twin.world.instrument import Instrument
+
+WIRES = ("up", "right", "down", "left")
+"""The four wires, clockwise as the camera sees them."""
+REFRESH_S = 0.010
+"""Period of the renewal [s]; every step costs 1.4-2 times more and changes nothing visible."""
+ROW_SOFTNESS = 3e-3
+"""Factor on MuJoCo's estimate of the node's inverse inertia: without it a node under load creeps
+several degrees a minute."""
+LEAST_FRICTION_N = 1e-6
+"""Friction bound of a node without tension [N]: zero would take its row out of the solver."""
+
+
+def spring_stiffness(
+    instrument: Instrument, nodes: int, shaft_bend_rad: float, bend_rad: float
+) -> list[float]:
+    """Stiffness of the springs of one wire from handle to section [N/m], nodes + 1 of them.
+
+    Args:
+        instrument: parameters of wire and conduit.
+        nodes: friction nodes per wire.
+        shaft_bend_rad: bend of the shaft [rad].
+        bend_rad: bend of the section, both axes together [rad], >= 0.
+    """
+    k = instrument.wire_stiffness
+    a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
+    b = instrument.section_friction * bend_rad
+    return [k / c for c in cable.compliances(a, b, nodes)]
+
+
+class Transmission:
+    """Keeps the friction nodes of one compiled model in step with its state.
+
+    It remembers nothing but addresses: whatever it writes follows from mjData and the shaft bend.
+
+    Args:
+        model: compiled from `section.build`; its stiffness, lengths and friction are rewritten.
+        data: the state it reads.
+        instrument: the parameters it was built with.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, instrument: Instrument) -> None:
+        self._model, self._data, self._instrument = model, data, instrument
+        # Springs stand in the order of section.py: from handle to section, each for all WIRES.
+        wires = len(WIRES)
+        first = model.tendon("wire_up_proximal").id
+        last = model.tendon(f"wire_{WIRES[-1]}").id + 1
+        self._nodes = (last - first) // wires - 1
+        # These arrays never move, so that views of them stay good.
+        self._length = data.ten_length[first:last]
+        self._stiffness = model.tendon_stiffness[first:last]
+        self._rest: list[float] = model.tendon_lengthspring[first:last, 1].tolist()
+        self._distal_rest = model.tendon_lengthspring[last - wires : last, 1]
+        self._taut = float(self._distal_rest[0]) - instrument.slack_at(0.0)
+        node = int(model.joint("slide_up_1").dofadr[0])
+        rows = slice(node, node + self._nodes * wires)
+        model.dof_invweight0[rows] *= ROW_SOFTNESS
+        self._friction = model.dof_frictionloss[rows]
+        self._qpos = data.qpos
+        hinges = [
+            int(model.joint(f"hinge_{axis}_{n}").qposadr[0]) for n, axis in enumerate(AXES, 1)
+        ]
+        self._up_down, self._left_right = (slice(start, node, len(AXES)) for start in hinges)
+        self._shaft_bend_rad = nan
+
+    def refresh(self, shaft_bend_rad: float) -> None:
+        """Write stiffness, lengths and friction for the present state into the model.
+
+        Args:
+            shaft_bend_rad: present bend of the shaft [rad].
+        """
+        self.update_lengths()
+        if shaft_bend_rad != self._shaft_bend_rad:
+            self._bend_shaft(shaft_bend_rad)
+        qpos = self._qpos.tolist()
+        bend_rad = hypot(sum(qpos[self._up_down]), sum(qpos[self._left_right]))
+        b = self._instrument.section_friction * bend_rad
+        k, wires = self._instrument.wire_stiffness, len(WIRES)
+        stiffness = [k / c for c in cable.compliances(self._a, b, self._nodes) for _ in WIRES]
+        self._stiffness[:] = stiffness
+        tension = self._tensions(stiffness)
+        ratios = cable.friction_ratios(self._a, b, self._nodes)
+        self._friction[:] = [
+            max(ratios[i // wires] * (tension[i] + tension[i + wires]), LEAST_FRICTION_N)
+            for i in range(self._nodes * wires)
+        ]
+
+    def tensions(self) -> tuple[list[float], list[float]]:
+        """Tensions [N] of the wires at the handle and at the section; lengths must be current."""
+        tension = self._tensions(self._stiffness.tolist())
+        return tension[: len(WIRES)], tension[-len(WIRES) :]
+
+    def update_lengths(self) -> None:
+        """Bring positions and lengths up to date; after a step they are those before it."""
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_tendon(self._model, self._data)
+
+    def _bend_shaft(self, shaft_bend_rad: float) -> None:
+        """Keep what follows from the bend of the shaft alone."""
+        instrument = self._instrument
+        self._shaft_bend_rad = shaft_bend_rad
+        self._a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
+        self._distal_rest[:] = self._taut + instrument.slack_at(shaft_bend_rad)
+        self._rest[-len(WIRES) :] = self._distal_rest.tolist()
+
+    def _tensions(self, stiffness: list[float]) -> list[float]:
+        stretches = zip(stiffness, self._length.tolist(), self._rest, strict=True)
+        return [k * (length - rest) if length > rest else 0.0 for k, length, rest in stretches]
+
+
+def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> list[float]:
+    """Positions of the friction nodes of a wire at rest [m], where all its springs pull alike.
+
+    The handles are at zero.
+
+    Args:
+        instrument: parameters of wire and conduit.
+        nodes: friction nodes per wire.
+        shaft_bend_rad: bend of the shaft [rad].
+    """
+    compliance = [1 / k for k in spring_stiffness(instrument, nodes, shaft_bend_rad, 0.0)]
+    strain = min(0.0, instrument.slack_at(shaft_bend_rad)) / sum(compliance)
+    return [strain * sum(compliance[: n + 1]) for n in range(nodes)]
+
+
+def rest_friction(instrument: Instrument, nodes: int) -> list[float]:
+    """Friction bounds of the nodes of a wire at rest with a straight shaft [N]."""
+    stretch = -rest_slides(instrument, nodes, 0.0)[0]
+    tension = stretch * spring_stiffness(instrument, nodes, 0.0, 0.0)[0]
+    a = instrument.conduit_friction * instrument.wrap_at(0.0)
+    ratios = cable.friction_ratios(a, 0.0, nodes)
+    return [max(ratio * 2 * tension, LEAST_FRICTION_N) for ratio in ratios]

@@ -1,0 +1,1 @@
+"""The simulated plant and its motors, and the closed forms that verify them."""

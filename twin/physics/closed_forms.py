@@ -1,0 +1,171 @@
+"""What the twin is checked against: closed forms and solvers that share nothing with MuJoCo.
+
+The bending section has N hinges of pitch h = L/N, alternating between the axes, wire holes at
+radius r midway between them, and stiffness K N/2 per hinge, so that n = N/2 hinges of an axis bend
+by q = theta/n each under the same moment K theta. Over one hinge a wire in its plane is
+h cos(q/2) -+ 2 r sin(q/2) long, one across it h cos(q/2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+from scipy.optimize import root
+
+from endolock.control.transmission import cable
+from endolock.hw.api import Vector
+from endolock.twin.world.instrument import Instrument
+
+DOWN = np.array([0.0, 0.0, -9.81])
+"""Gravity in world axes (distal, left, up) [m/s2]."""
+
+
+@dataclass(frozen=True)
+class PulledSection:
+    """A section bent in one plane by one wire; the other three are slack.
+
+    Args:
+        instrument: its parameters; without pretension and sheath friction.
+        hinges: N, even.
+        shaft_bend_rad: bend of the shaft [rad].
+    """
+
+    instrument: Instrument
+    hinges: int
+    shaft_bend_rad: float
+
+    def pull(self, bend_rad: Vector) -> Vector:
+        """Wire that the bend takes in [m]: L - n (h cos(q/2) - 2 r sin(q/2)) - n h."""
+        h, q = self._pitch_and_angle(bend_rad)
+        r, n = self.instrument.wire_radius_m, self.hinges / 2
+        return np.asarray(n * (h - h * np.cos(q / 2) + 2 * r * np.sin(q / 2)))
+
+    def tension(self, bend_rad: Vector) -> Vector:
+        """Tension at the section that holds the bend [N], K theta over the wire's lever.
+
+        The lever is r cos(q/2) + h/2 sin(q/2).
+        """
+        h, q = self._pitch_and_angle(bend_rad)
+        lever = self.instrument.wire_radius_m * np.cos(q / 2) + h / 2 * np.sin(q / 2)
+        return np.asarray(self.instrument.bending_stiffness * bend_rad / lever)
+
+    def stretch(self, tension_n: Vector, bend_rad: Vector, *, pulling: bool) -> Vector:
+        """Travel that goes into the cable while all of it slides, T/k {A or B} [m]."""
+        slopes = [self._slopes(bend)[0 if pulling else 1] for bend in bend_rad]
+        return np.asarray(tension_n / self.instrument.wire_stiffness * slopes)
+
+    def handle(self, bend_rad: Vector, *, pulling: bool) -> Vector:
+        """Handle angle while all of the wire slides [rad], (slack + pull + stretch) / r_p."""
+        stretch = self.stretch(self.tension(bend_rad), bend_rad, pulling=pulling)
+        travel = self.instrument.slack_at(self.shaft_bend_rad) + self.pull(bend_rad) + stretch
+        return np.asarray(travel / self.instrument.pulley_radius_m)
+
+    def distal_tensions(self, handle_rad: Vector, bend_rad: Vector) -> Vector:
+        """Tension at the section along any handle motion [N], T = clip(T, k d/A, k d/B).
+
+        d is what the handle has pulled in beyond slack and bend; exact while the tip only follows.
+        """
+        slack = self.instrument.slack_at(self.shaft_bend_rad)
+        travel = self.instrument.pulley_radius_m * handle_rad - slack - self.pull(bend_rad)
+        tension, found = 0.0, []
+        for d, bend in zip(travel, bend_rad, strict=True):
+            pulling, releasing = self._slopes(bend)
+            force = max(0.0, self.instrument.wire_stiffness * d)
+            tension = min(max(tension, force / pulling), force / releasing)
+            found.append(tension)
+        return np.array(found)
+
+    def _pitch_and_angle(self, bend_rad: Vector) -> tuple[float, Vector]:
+        return self.instrument.bending_length_m / self.hinges, bend_rad / (self.hinges / 2)
+
+    def _slopes(self, bend_rad: float) -> tuple[float, float]:
+        a = self.instrument.conduit_friction * self.instrument.wrap_at(self.shaft_bend_rad)
+        return cable.slip_slopes(a, self.instrument.section_friction * abs(bend_rad))
+
+
+def reversal(a: float, peak_n: float, nodes: int) -> tuple[Vector, Vector]:
+    """Tension at the handle of a pulled cable that is given back before its far end moves.
+
+    When the wire slides back to a depth x of its conduit (0 to 1), and beyond still stands under
+    T = peak e^(-a s), the handle's tension is peak e^(-2 a x), after k times a travel of
+    (peak/a) (1 - e^(-a x))^2. Nodes slide one after the other: they meet that curve at x = 0, 1/n,
+    2/n ... 1 and go straight in between.
+
+    Args:
+        a: friction times curvature [1], > 0.
+        peak_n: tension at the handle before the reversal [N].
+        nodes: number n of nodes.
+
+    Returns:
+        Travel of the handle's end times k [N], and tension there [N], at the n + 1 corners.
+    """
+    x = np.arange(nodes + 1) / nodes
+    return peak_n / a * (1 - np.exp(-a * x)) ** 2, peak_n * np.exp(-2 * a * x)
+
+
+def static_hinges(
+    instrument: Instrument, hinges: int, handles: tuple[float, float], *, gravity: bool
+) -> Vector:
+    """Hinge angles at rest of a section without friction, from its balance of moments.
+
+    Args:
+        instrument: its parameters; friction and sheath are left out.
+        hinges: N, even.
+        handles: (up_down, left_right) [rad].
+        gravity: whether it hangs under its own weight.
+
+    Returns:
+        N angles from base to tip, up_down and left_right in turn [rad].
+    """
+    h, r = instrument.bending_length_m / hinges, instrument.wire_radius_m
+    axes = np.tile([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]], (hinges // 2, 1))
+    own = np.arange(hinges) % 2
+    mass = np.full(hinges, instrument.section_mass_kg / hinges)
+
+    def weight_moments(q: Vector) -> Vector:
+        """Moments of the weight about the hinges [N m]."""
+        rotation, place = np.eye(3), np.array([h / 2, 0.0, 0.0])
+        pivots, turned, centres = [], [], []
+        for n in range(hinges):
+            turned.append(rotation @ axes[n])
+            pivots.append(place)
+            rotation = rotation @ _rotation(axes[n], q[n])
+            centres.append(place + rotation @ [h / 2, 0.0, 0.0])
+            place = place + rotation @ [h, 0.0, 0.0]
+        # the tip's weight lies midway between the ends of its cylinder, see section.py
+        end = place - rotation @ [h / 2, 0.0, 0.0]
+        centres.append(end + rotation @ [(0.4 * h + instrument.rigid_tip_m - 0.001) / 2, 0.0, 0.0])
+        weight = np.append(mass, instrument.tip_mass_kg)[:, None] * DOWN
+        return np.array(
+            [
+                np.cross(np.array(centres[n:]) - pivots[n], weight[n:]).sum(axis=0) @ turned[n]
+                for n in range(hinges)
+            ]
+        )
+
+    def moments(q: Vector) -> Vector:
+        """All moments about the hinges [N m]; zero at rest."""
+        total = -instrument.bending_stiffness * hinges / 2 * q
+        across = h * np.cos(q / 2)
+        for axis in (0, 1):
+            for sign in (1.0, -1.0):  # a wire, and the one opposite
+                mine = own == axis
+                length = np.where(mine, across - sign * 2 * r * np.sin(q / 2), across).sum()
+                pulled = sign * instrument.pulley_radius_m * handles[axis]
+                stretch = pulled + length - instrument.bending_length_m - instrument.slack_m
+                tension = instrument.wire_stiffness * max(0.0, stretch)
+                slope = np.where(mine, -sign * r * np.cos(q / 2), 0.0) - h / 2 * np.sin(q / 2)
+                total = total - tension * slope
+        return total + weight_moments(q) if gravity else total
+
+    found = root(moments, np.zeros(hinges), tol=1e-14)
+    return np.asarray(found.x)
+
+
+def _rotation(axis: Vector, angle: float) -> Vector:
+    """Rotation matrix about a unit axis."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + sin(angle) * cross + (1 - cos(angle)) * (cross @ cross))

@@ -1,0 +1,226 @@
+"""The simulated endoscope in front of its board: MuJoCo state, stepped on a grid."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from endolock.hw.api import ConfigError, Plant, Pose, Vector
+from endolock.twin.camera import stage
+from endolock.twin.model import scene, transmission
+from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario import Scenario
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""In world axes, where a scenario has it [m/s2]."""
+
+_CROSS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+
+_UNSTABLE = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class Snapshot(NamedTuple):
+    """Raw copies out of the physics, in world axes, taken where working them out would cost."""
+
+    t: float
+    tip: Vector
+    base: Vector
+    backbone: Vector
+    tensions: tuple[list[float], list[float]]
+    board: tuple[float, float, float]
+
+
+class TwinPlant:
+    """Section, wires, handles and board of one scenario.
+
+    Args:
+        scenario: tells what happens to shaft, tip and board.
+        instrument: what the section is made of.
+        numerics: how finely it is simulated.
+        seed: of what is random in the scenario.
+    """
+
+    def __init__(
+        self, scenario: Scenario, instrument: Instrument, numerics: Numerics, seed: int
+    ) -> None:
+        self.instrument = instrument
+        self.course = Course(scenario, seed)
+        self._tilt = scenario.board.quaternion
+        self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
+        self._distance_m = scenario.board.distance_m
+        spec = stage.build(scenario, instrument, numerics)
+        if scenario.gravity:
+            spec.option.gravity = GRAVITY
+        self._origin = scene.camera_at_rest(instrument)
+        behind = self._distance_m + scene.WALL_DISTANCE_M
+        spec.body("wall").pos[0] = self._origin[0] + behind
+        self.model: mujoco.MjModel = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        model = self.model
+        self._tip, self._base = model.body("tip").id, model.body("base").id
+        rings = [f"ring_{n}" for n in range(1, numerics.hinges + 1)]
+        self._backbone = [model.body(name).id for name in ("base", *rings, "tip")]
+        self._camera = scene.camera_id(model, "tip")
+        self._turning = int(model.body("base").mocapid[0])
+        self._moving = stage.movable(model)
+        self._transmission = transmission.Transmission(model, self.data, instrument)
+        self._refresh_steps = round(transmission.REFRESH_S / model.opt.timestep)
+
+        mujoco.mj_resetDataKeyframe(model, self.data, model.key("home").id)
+        upright = scene.board_quaternion(self.base_from_board)
+        self.data.mocap_quat[self._moving[0]] = upright
+        slides = transmission.rest_slides(
+            instrument, numerics.nodes, self.course.shaft_bend_rad(0.0)
+        )
+        for n, slide in enumerate(slides, 1):
+            for wire in transmission.WIRES:
+                self.data.joint(f"slide_{wire}_{n}").qpos = slide
+        self.step_count = 0
+        self.timestep_s = float(model.opt.timestep)
+        self.refresh()
+
+    @property
+    def t(self) -> float:
+        """Present time [s]."""
+        return self.step_count * self.timestep_s
+
+    def advance(self, step: int) -> None:
+        """Step the physics up to a grid point, renewing the wire friction every 10 ms."""
+        while self.step_count < step:
+            phase = self.step_count % self._refresh_steps
+            n = min(step - self.step_count, self._refresh_steps - phase)
+            mujoco.mj_step(self.model, self.data, n)
+            self.step_count += n
+            if self.step_count % self._refresh_steps == 0:
+                self.refresh()
+        if any(self.data.warning[kind].number for kind in _UNSTABLE):
+            raise ConfigError(
+                f"the simulation became unstable before t = {self.t:.3f} s; use softer or heavier "
+                "parts, or a smaller timestep"
+            )
+
+    def refresh(self) -> None:
+        """Let shaft, tip force and wire friction follow time and state, as every 10 ms."""
+        course, t = self.course, self.t
+        if course.turns:
+            half = course.shaft_roll_rad(t) / 2
+            self.data.mocap_quat[self._turning] = cos(half), sin(half), 0.0, 0.0
+        if course.pushes:
+            force = scene.WORLD_FROM_BASE @ course.tip_force(t)
+            self.data.xfrc_applied[self._tip, :3] = force
+        self._transmission.refresh(course.shaft_bend_rad(t))
+        self._current_at = self.step_count
+
+    def board_position(self) -> tuple[float, float, float]:
+        """Present position of the board's centre in the base frame [m]."""
+        return (*self.course.board(self.t), self._distance_m + self.course.depth(self.t))
+
+    def seen_speed(self) -> float:
+        """Angular speed of what moves fastest in the tip camera's picture, about [rad/s].
+
+        Board, occluders and wall are looked at, each by its middle and four points around it.
+        """
+        data, step = self.data, 1e-3
+        velocity = np.empty(6)
+        kind = mujoco.mjtObj.mjOBJ_CAMERA
+        mujoco.mj_objectVelocity(self.model, data, kind, self._camera, velocity, 0)
+        now, soon = (
+            np.array([(*self.course.board(t), self._distance_m), *self.course.occluders(t)])
+            for t in (self.t, self.t + step)
+        )
+        speeds = np.vstack([(soon - now) / step, np.zeros(3)]) @ scene.WORLD_FROM_BASE.T
+        middles = np.vstack([now, (0.0, 0.0, self._distance_m + scene.WALL_DISTANCE_M)])
+        around = self._distance_m / 2 * _CROSS
+        points = self._origin + (middles[:, None] + around) @ scene.WORLD_FROM_BASE.T
+        way = points - data.cam_xpos[self._camera]
+        moves = speeds[:, None] - velocity[3:] - np.cross(velocity[:3], way)
+        across = np.linalg.norm(np.cross(way, moves), axis=-1)
+        return float((across / np.einsum("...i,...i", way, way)).max())
+
+    def draw_board(self) -> None:
+        """Put board and occluders, cameras and lights where they are now, for rendering."""
+        places = [self.board_position(), *self.course.occluders(self.t)]
+        self.data.mocap_pos[self._moving] = self._origin + places @ scene.WORLD_FROM_BASE.T
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def snapshot(self) -> Snapshot:
+        """Copy what the truth about this moment follows from."""
+        data = self.data
+        self._update()
+        return Snapshot(
+            self.t,
+            data.xmat[self._tip].copy(),
+            data.xmat[self._base].copy(),
+            data.xpos[self._backbone],
+            self._transmission.tensions(),
+            self.board_position(),
+        )
+
+    def explain(self, moment: Snapshot) -> tuple[Plant, Vector]:
+        """Work a snapshot out.
+
+        Returns:
+            The state of the plant, and the tip camera's orientation (3x3, base_from_camera).
+        """
+        tip, base = moment.tip.reshape(3, 3), moment.base.reshape(3, 3)
+        backbone = self._with_camera(moment.backbone, tip)
+        bend = _pose(moment.t, backbone[-1], _in_camera_axes(base.T @ tip)).rotation_vector
+        turn = self.instrument.misalignment_rad
+        rotation = _in_camera_axes(tip)
+        if turn:
+            c, s = cos(turn), sin(turn)
+            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        plant = Plant(
+            bend_rad=bend[:2],
+            tip=_pose(moment.t, backbone[-1], rotation),
+            board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
+            backbone=backbone,
+            tension_handle_n=tuple(moment.tensions[0]),
+            tension_section_n=tuple(moment.tensions[1]),
+        )
+        return plant, rotation
+
+    def tip_pose(self) -> Pose:
+        """Return the present pose of the tip as a rigid body, at the camera's place.
+
+        Its axes are those of the base frame when the section is straight, however the camera is
+        turned in it.
+        """
+        self._update()
+        tip = self.data.xmat[self._tip].reshape(3, 3)
+        place = self._with_camera(self.data.xpos[[self._tip]], tip)[-1]
+        return _pose(self.t, place, _in_camera_axes(tip))
+
+    def _update(self) -> None:
+        if self._current_at != self.step_count:
+            self._transmission.update_lengths()
+            self._current_at = self.step_count
+
+    def _with_camera(self, backbone: Vector, tip: Vector) -> Vector:
+        """Points of the section, ending at the tip body, and the camera, in the base frame [m]."""
+        camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
+        points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
+        return points
+
+
+def _in_camera_axes(body: Vector) -> Vector:
+    """Turn a rotation in world-like axes (distal, left, up) into one in (right, down, distal)."""
+    rotation: Vector = scene.WORLD_FROM_BASE.T @ body @ scene.WORLD_FROM_BASE
+    return rotation
+
+
+def _pose(t: float, position: Vector, rotation: Vector) -> Pose:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    x, y, z = position.tolist()
+    qw, qx, qy, qz = quaternion.tolist()
+    return Pose(t=t, position=(x, y, z), quaternion=(qw, qx, qy, qz))

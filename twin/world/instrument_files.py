@@ -1,0 +1,77 @@
+"""Instruments as TOML files: those that come with the package, and files of one's own.
+
+A file gives what differs from the defaults of `Instrument`, in SI units under the same names.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from dataclasses import asdict
+from pathlib import Path
+from textwrap import wrap
+
+from pydantic import TypeAdapter, ValidationError
+
+from endolock.hw import files
+from endolock.hw.api import ConfigError
+from endolock.twin.world.instrument import Instrument
+
+_ADAPTER = TypeAdapter(Instrument)
+FOLDER = "instruments"
+
+
+def names() -> list[str]:
+    """Names of the instruments that come with the package."""
+    return files.names(FOLDER)
+
+
+def load(source: str | Path) -> Instrument:
+    """Read an instrument.
+
+    Args:
+        source: name of one that comes with the package, or a TOML file.
+
+    Raises:
+        ConfigError: no such instrument, no TOML, an unknown key, or an impossible value.
+    """
+    values, name = files.read("instrument", FOLDER, str(source))
+    try:
+        return _ADAPTER.validate_python(values)
+    except ValidationError as error:
+        impossible = error.errors()[0].get("ctx", {}).get("error")
+        if isinstance(impossible, ConfigError):
+            raise ConfigError(f"{impossible}, in {source}") from None
+        problem = files.first_problem(error, lambda _place: list(meanings()))
+        raise ConfigError(f"instrument {name}: {problem}") from None
+
+
+def dump(instrument: Instrument, header: str) -> str:
+    """Write an instrument as TOML, all values with meaning, unit and source.
+
+    Args:
+        instrument: what to write.
+        header: the comment above, without marks.
+    """
+    lines = [f"# {line}".rstrip() for line in header.splitlines()]
+    told = meanings()
+    for name, value in asdict(instrument).items():
+        lines += ["", *wrap(told[name], 98, initial_indent="# ", subsequent_indent="# ")]
+        lines.append(f"{name} = {float(value)!r}")
+    return "\n".join(lines) + "\n"
+
+
+def meanings() -> dict[str, str]:
+    """Return meaning, unit, range and source of every parameter of `Instrument`."""
+    (body,) = ast.parse(inspect.getsource(Instrument)).body
+    assert isinstance(body, ast.ClassDef)
+    found: dict[str, str] = {}
+    for field, text in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        ):
+            found[field.target.id] = inspect.cleandoc(str(text.value.value)).replace("\n", " ")
+    return found
