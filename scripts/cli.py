@@ -89,13 +89,13 @@ def _dispatch(args: list[str]) -> int:
     # Loaded here, where a Ctrl-C and whatever fails to load are already told in one line.
     import tyro
 
-    from endolock.scripts import doctor
+    from endolock.scripts.commands.doctor import examination
 
     if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
-        return doctor.main(parse(doctor.Request, "endolock doctor", args[1:]))
+        return examination.main(parse(examination.Request, "endolock doctor", args[1:]))
     try:
-        from endolock.scripts import (
-            bench,
+        from endolock.scripts.commands import (
+            benchmark,
             board,
             bus,
             calibrate,
@@ -128,8 +128,8 @@ def _dispatch(args: list[str]) -> int:
         | Annotated[bus.Request, tyro.conf.subcommand("bus")]
         | Annotated[view.Request, tyro.conf.subcommand("view")]
         | Annotated[emulator.Request, tyro.conf.subcommand("emulator")]
-        | Annotated[doctor.Request, tyro.conf.subcommand("doctor")]
-        | Annotated[bench.Request, tyro.conf.subcommand("bench")]
+        | Annotated[examination.Request, tyro.conf.subcommand("doctor")]
+        | Annotated[benchmark.Request, tyro.conf.subcommand("bench")]
     )
     mains: dict[type, Callable[[Any], int]] = {
         run.Request: run.main,
@@ -143,7 +143,7 @@ def _dispatch(args: list[str]) -> int:
         bus.Request: bus.main,
         view.Request: view.main,
         emulator.Request: emulator.main,
-        bench.Request: bench.main,
+        benchmark.Request: benchmark.main,
     }
     request = parse(commands, "endolock", args)
     return mains[type(request)](request)

@@ -12,19 +12,15 @@ from endolock.scripts import cli
 
 def main(args: list[str]) -> int:
     """Run the demo; `args` are further options of `endolock compare`."""
-    from endolock.scripts import (  # cli.guarded says what fails
-        compare,
-        output,
-        record_table,
-        recorder,
-        rrd,
-        strip,
-    )
+    # cli.guarded says what fails to load
+    from endolock.scripts.commands import compare
+    from endolock.scripts.figures import rerun_export, strip
+    from endolock.scripts.runs import output, record_table, run_folder
 
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    place = request.out or recorder.new_path(Path("runs"), "demo")
+    place = request.out or run_folder.new_path(Path("runs"), "demo")
     records, folders = compare.perform(request, place)
     moving = (f for f, r in zip(folders, records, strict=True) if r["controller"] != "still")
     first = next(moving, folders[0])
@@ -33,7 +29,7 @@ def main(args: list[str]) -> int:
         results["error over time"] = compare.draw(records, folders, place / "errors.png")
         if strip.pictures(first):
             results["what the tip camera saw"] = strip.write(first, place / "strip.png")
-        rrd.derive(first)
+        rerun_export.derive(first)
     output.write_json({"rows": records}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from endolock.control import registry
-from endolock.scripts import docs
+from endolock.scripts.studies import docs
 from endolock.twin.model import generate
 
 ROOT = Path(__file__).parents[1]

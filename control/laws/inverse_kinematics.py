@@ -29,7 +29,8 @@ class IKSettings:
     rate_per_s: float = 1.8
     """Share of the remaining way that the handles go per second [1/s], > 0. Assumed: pi/4 over
     0.44 s, the gain margin of 2 of an integrator with the dead time of video, tick and servo. Runs
-    that stand beside the thesis' take a rate calibrated for them (scripts/thesis.py)."""
+    that stand beside the thesis' take a rate calibrated for them
+    (scripts/thesis/chapter_runs.py)."""
     measured_distance: bool = False
     """Whether a depth that is seen replaces the assumed one. Source: not, thesis ch. 6."""
 

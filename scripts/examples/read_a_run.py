@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from endolock.scripts import recorder, run
+from endolock.scripts.commands import run
+from endolock.scripts.runs import run_folder
 
 with tempfile.TemporaryDirectory() as place:
     out = Path(place) / "run"
     request = run.Request(scenario="straight", vision="truth", duration_s=4, out=out)
     record, folder = run.perform(request, show_progress=False)
-    ticks = recorder.read(folder, "ticks")
+    ticks = run_folder.read(folder, "ticks")
 
 position = np.array(ticks["position_rad"].to_pylist())
 tension = np.array(ticks["tension_section_n"].to_pylist())

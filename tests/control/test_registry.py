@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from endolock.control import registry
 from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Mode, State
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation, Status

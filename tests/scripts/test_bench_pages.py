@@ -9,7 +9,7 @@ import pytest
 from tests.hw.served import Served, servo
 
 from endolock.hw.api import Command
-from endolock.scripts import doctor_serial
+from endolock.scripts.commands.doctor import port_checks
 
 ROOT = Path(__file__).parents[2]
 BENCH, SAFETY = (ROOT / "docs" / name for name in ("bench.md", "safety.md"))
@@ -52,7 +52,8 @@ def test_every_kind_that_relaxes_a_motor_is_named() -> None:
 
 @pytest.mark.parametrize(("command", "words"), COMMANDS, ids=[c + w for c, w in COMMANDS])
 def test_commands_of_the_page_exist(command: str, words: str) -> None:
-    fields = import_module(f"endolock.scripts.{command}").Request.__dataclass_fields__
+    module = {"doctor": "doctor.examination"}.get(command, command)
+    fields = import_module(f"endolock.scripts.commands.{module}").Request.__dataclass_fields__
     for option in re.findall(r"--([\w-]+)", words):
         assert option.replace("-", "_") in fields
 
@@ -64,8 +65,8 @@ def test_links_lead_somewhere() -> None:
 
 
 def test_the_rule_is_that_of_the_doctor() -> None:
-    assert f"\n    {doctor_serial.UDEV_RULE}\n" in BENCH.read_text()
-    assert f"`{doctor_serial.UDEV_FILE}`" in BENCH.read_text()
+    assert f"\n    {port_checks.UDEV_RULE}\n" in BENCH.read_text()
+    assert f"`{port_checks.UDEV_FILE}`" in BENCH.read_text()
 
 
 def test_a_new_motor_gets_its_id() -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from endolock.hw.api import ConfigError, DeviceFault
-from endolock.scripts import cli, demo, recorder
+from endolock.scripts import cli, demo
+from endolock.scripts.runs import run_folder
 
 RUN_KEYS = [
     "scenario",
@@ -232,7 +233,7 @@ def test_interrupted_it_holds_and_closes_the_folder(how: signal.Signals, tmp_pat
     assert process.wait(timeout=60) == 130
     record = json.loads((folder / "metrics.json").read_text())
     assert record["interrupted"] is True
-    ticks = recorder.read(folder, "ticks")
+    ticks = run_folder.read(folder, "ticks")
     assert ticks["t"][-1].as_py() == pytest.approx(record["duration_s"])
     assert (folder / "run.rrd").exists()
 
@@ -242,11 +243,11 @@ def test_killed_it_leaves_a_readable_folder(tmp_path: Path) -> None:
     process = _start_long_run(folder)
     process.kill()
     process.wait(timeout=60)
-    ticks, frames = recorder.read(folder, "ticks"), recorder.read(folder, "frames")
+    ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
     assert ticks["t"].to_pylist() == pytest.approx([0.02 * n for n in range(len(ticks))])
     # with pictures, ticks and frames are handed over together
     assert ticks["t"][-1].as_py() >= frames["t_available"][-1].as_py() - 0.041
-    assert recorder.decode(frames["tip_jpeg"][-1].as_py()).shape == (480, 640, 3)
+    assert run_folder.decode(frames["tip_jpeg"][-1].as_py()).shape == (480, 640, 3)
 
 
 def _start_long_run(folder: Path) -> subprocess.Popen[str]:

@@ -14,7 +14,7 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
 from endolock.hw.api import Command, ConfigError, Pose
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import Follower, SurrogateRig
 from endolock.twin.world import scenario

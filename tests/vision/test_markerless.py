@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from endolock.scripts import vision_benchmark as benchmark
-from endolock.scripts import vision_sequences as sequences
+from endolock.scripts.studies import sequences, vision_accuracy
 from endolock.vision.reference import Affine, normalised, select
 from endolock.vision.tracker import Track, Tracker
 
@@ -14,10 +13,10 @@ def clean() -> list[sequences.Sight]:
     return list(sequences.moving("line", 60))
 
 
-@pytest.mark.parametrize("half", benchmark.WINDOWS)
+@pytest.mark.parametrize("half", vision_accuracy.WINDOWS)
 @pytest.mark.parametrize("board", ["rings", "tissue"])
 def test_no_window_loses_a_clean_target(half: int, board: str) -> None:
-    result = benchmark.follow(sequences.moving("circle", 40, board=board), half)
+    result = vision_accuracy.follow(sequences.moving("circle", 40, board=board), half)
     assert result.refused == 0
     # the gate of the issue; a printed target's corners are found to 0.02 px, tissue's to 0.03
     assert result.rms_px <= 0.05
@@ -25,14 +24,14 @@ def test_no_window_loses_a_clean_target(half: int, board: str) -> None:
 
 @pytest.mark.parametrize("path", sequences.PATHS)
 def test_a_hard_sequence_is_followed(path: str) -> None:
-    result = benchmark.follow(sequences.moving(path, 120, hard=True), sequences.HALF_PX)
+    result = vision_accuracy.follow(sequences.moving(path, 120, hard=True), sequences.HALF_PX)
     assert result.refused == 0
     assert result.rms_px <= 0.15  # the gate: noise, blur and compression leave 0.06
 
 
 @pytest.mark.parametrize("kind", sequences.HIDINGS[::5], ids=str)
 def test_hidden_targets_are_refused_and_found_again(kind: sequences.Hiding) -> None:
-    result = benchmark.hide([kind])
+    result = vision_accuracy.hide([kind])
     assert result.hidden > 5  # the plate does cover the target for a while
     assert result.accepted_hidden == 0
     assert result.wrong == 0
@@ -86,7 +85,10 @@ def test_the_covariance_tells_the_noise(clean: list[sequences.Sight]) -> None:
     [((5.0, 5.0), (20, 20), "beyond the picture"), ((320.0, 30.0), (20, 20), "too little texture")],
 )
 def test_a_window_that_cannot_be_followed_says_why(
-    clean: list[sequences.Sight], centre: tuple[float, float], half: tuple[int, int], why: str
+    clean: list[sequences.Sight],
+    centre: tuple[float, float],
+    half: tuple[int, int],
+    why: str,
 ) -> None:
     plain = clean[0].grey.copy()
     plain[:80] = 120

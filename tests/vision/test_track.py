@@ -9,7 +9,7 @@ from endolock.control.laws.pi import PI
 from endolock.control.loop import Run, run
 from endolock.control.metrics import score
 from endolock.hw.api import ConfigError, Frame
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument

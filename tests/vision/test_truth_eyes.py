@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from endolock.control import loop, metrics, registry
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from endolock.control.identification.fits import Fit, Log, fit
 from endolock.control.transmission.quasi_static import Geometry, thin
 from endolock.hw.api import Vector
-from endolock.scripts.checks import still, turn
-from endolock.scripts.foreign_plants import bouc_wen, prandtl_ishlinskii
+from endolock.scripts.checks.strokes import still, turn
+from endolock.scripts.studies.foreign_plants import bouc_wen, prandtl_ishlinskii
 from endolock.twin.world.instrument import Instrument
 
 PEAK_RAD, SPEED_RAD_S, NOISE_RAD = 2.6, 0.2, radians(0.1)

@@ -5,7 +5,7 @@ import pytest
 
 from endolock.control.identification import latency_estimate
 from endolock.hw.api import Vector
-from endolock.scripts.latency import LEAD_S, STROKE_S, wanted
+from endolock.scripts.commands.latency import LEAD_S, STROKE_S, wanted
 
 T = np.arange(0.0, LEAD_S + 8 * STROKE_S + latency_estimate.LONGEST_S, 0.02)
 HANDLE = np.array([wanted(t, 8) for t in T])

@@ -9,7 +9,8 @@ import pytest
 
 from endolock.control.laws.hysteresis_compensation import CompensationSettings, Direction, follow
 from endolock.control.transmission.plays import play
-from endolock.scripts import batch, run
+from endolock.scripts.commands import run
+from endolock.scripts.runs import batch
 
 DT = 0.02
 WIDTH = 0.2

@@ -18,8 +18,8 @@ from endolock.control.predictive.online_capstan import CABLE, START, Search, Tra
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import Mode, State, Vector
-from endolock.scripts import run as runs
-from endolock.scripts.checks import cable_of
+from endolock.scripts.checks.strokes import cable_of
+from endolock.scripts.commands import run as runs
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.truth import TruthEyes

@@ -15,7 +15,7 @@ from endolock.control.predictive.internal_model import PRIOR, RADII
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.predictive.target_prediction import Bank, Harmonic, Mover
 from endolock.control.transmission.plays import ONE_PLAY, Plays, play
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument

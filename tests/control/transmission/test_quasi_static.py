@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry, simulate
 from endolock.hw.api import ConfigError, Vector
-from endolock.scripts.checks import cable_of, still, turn
+from endolock.scripts.checks.strokes import cable_of, still, turn
 from endolock.twin.physics.closed_forms import PulledSection
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics

@@ -8,7 +8,7 @@ import pytest
 
 from endolock.hw.api import ConfigError
 from endolock.hw.bench import bench_file
-from endolock.scripts import rigs
+from endolock.scripts.runs import rigs
 
 
 def write(place: Path, text: str) -> Path:

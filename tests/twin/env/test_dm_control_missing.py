@@ -15,14 +15,14 @@ def _last_line(module: str, missing: str) -> str:
 
 def test_without_dm_control() -> None:
     assert _last_line("endolock.twin.env.target_lock", "dm_control") == (
-        "endolock.hw.errors.ConfigError: endolock.twin.env.target_lock needs dm-control, which is not "
-        "installed; use Python 3.11 or 3.12, where it comes with endolock"
+        "endolock.hw.errors.ConfigError: endolock.twin.env.target_lock needs dm-control, which "
+        "is not installed; use Python 3.11 or 3.12, where it comes with endolock"
     )
 
 
 @pytest.mark.skipif(not find_spec("dm_control"), reason="dm-control is missed first")
 def test_without_gymnasium() -> None:
     assert _last_line("endolock.twin.env.gym_env", "gymnasium") == (
-        "endolock.hw.errors.ConfigError: endolock.twin.env.gym_env needs Gymnasium, which is not "
-        "installed; use pip install 'endolock[gym]'"
+        "endolock.hw.errors.ConfigError: endolock.twin.env.gym_env needs Gymnasium, which "
+        "is not installed; use pip install 'endolock[gym]'"
     )

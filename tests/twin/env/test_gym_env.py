@@ -95,8 +95,8 @@ def test_side_by_side_each_has_its_seed_and_equals_the_single_one(gymnasium: Any
 
 
 def test_bench_measures_them(gymnasium: Any) -> None:
-    from endolock.scripts import bench
+    from endolock.scripts.commands import benchmark
 
-    figures = bench.env()
+    figures = benchmark.env()
     assert set(figures) == {"steps_per_s", "vector_steps_per_s", "environments"}
     assert all(value > 0 for value in figures.values())

@@ -1,6 +1,6 @@
 """The friction nodes in the model: what they start from, and what shaft and sheath do to them.
 
-Agreement with closed forms is the business of scripts/verification.py and its test.
+Agreement with closed forms is the business of scripts/studies/verification.py and its test.
 """
 
 from dataclasses import replace
@@ -10,7 +10,7 @@ from math import degrees, pi, radians
 import numpy as np
 import pytest
 
-from endolock.scripts.checks import ONE_WIRE, loop, still, turn, width
+from endolock.scripts.checks.strokes import ONE_WIRE, loop, still, turn, width
 from endolock.twin.model import scene
 from endolock.twin.model.transmission import ROW_SOFTNESS, WIRES, rest_slides, spring_stiffness
 from endolock.twin.physics.plant import TwinPlant

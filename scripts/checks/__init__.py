@@ -1,0 +1,1 @@
+"""Checks of the twin against closed forms, and of its behaviour."""

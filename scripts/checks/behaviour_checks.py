@@ -1,0 +1,273 @@
+"""Checks of how the twin behaves: rates, creep, growth, symmetry, repetition, energy."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise, product
+from math import degrees, inf, radians
+
+import mujoco
+import numpy as np
+
+from endolock.hw.api import Command
+from endolock.scripts.checks.strokes import (
+    SHAFTS_DEG,
+    Check,
+    check,
+    hinges,
+    loop,
+    still,
+    turn,
+    width,
+)
+from endolock.scripts.runs import rigs
+from endolock.twin.rig import TwinRig
+from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import Instrument, Numerics
+
+CHECKS: list[Check] = []
+
+
+@check(
+    CHECKS,
+    "loop width in 5 s",
+    against="in 40 s",
+    unit="%",
+    high=3.0,
+    why="dry friction knows no rate; servo lag and damping do",
+)
+def rate_dependence() -> float:
+    """Compare the loop width at 30 deg in 5 s with that in 40 s [%]."""
+    slow, fast = (width(loop(still(), 1.6, period), 30) for period in (40.0, 5.0))
+    return abs(100 * (fast / slow - 1))
+
+
+@check(
+    CHECKS,
+    "creep of the tip in a minute at held handles, each instrument",
+    against="none",
+    unit="deg",
+    high=0.5,
+    why="the solver's friction rows are soft; a fiftieth of the loop",
+)
+def drift() -> float:
+    """Hold the handles after a stroke; how far the tip creeps in a minute [deg]."""
+    worst = 0.0
+    for name in instrument_files.names():
+        plant = still(instrument_files.load(name))
+        turn(plant, [(0.0, 0.0), (5.0, 1.0), (6.0, 1.0)])
+        held = turn(plant, [(0.0, 1.0), (60.0, 1.0)])
+        worst = max(worst, abs(held.bend[-1] - held.bend[0]))
+    return degrees(worst)
+
+
+@check(
+    CHECKS,
+    "loop width at 30 deg, shaft at 180 deg",
+    against="w = 0.2 (calibrated)",
+    unit="of 180 deg",
+    low=0.18,
+    high=0.22,
+    why="w has one digit in the excerpt",
+)
+def calibrated_width() -> float:
+    """Width at 30 deg of bend with the shaft bent 180 deg, of 180 deg."""
+    return width(loop(still(), 1.6, 20.0), 30)
+
+
+@check(
+    CHECKS,
+    "growth of the loop width from shaft 0 to 180 to 360 deg, least",
+    against="more bend, more friction",
+    unit="%",
+    low=10.0,
+    why="well above the 3 % of the rate",
+)
+def growth_with_shaft() -> float:
+    """Smallest growth of the width at 30 deg from shaft 0 to 180 to 360 deg [%]."""
+    widths = [width(loop(still(shaft_deg=s), 1.6, 20.0), 30) for s in SHAFTS_DEG]
+    return 100 * min(b / a - 1 for a, b in pairwise(widths))
+
+
+@check(
+    CHECKS,
+    "growth of the loop width with the other axis at 60 deg",
+    against="found by the thesis",
+    unit="%",
+    low=15.0,
+    why="its size is assumed",
+)
+def growth_with_other_axis() -> float:
+    """Growth of the width at 30 deg with the other axis bent by 60 deg [%]."""
+    alone, beside = still(), still()
+    angle = 0.0
+    while beside.data.qpos[hinges(beside.model, 1)].sum() < radians(60):
+        turn(beside, [(0.0, angle), (0.1, angle := angle + 0.02)], axis=1)
+    return 100 * (width(loop(beside, 1.6, 20.0), 30) / width(loop(alone, 1.6, 20.0), 30) - 1)
+
+
+@check(
+    CHECKS,
+    "bends under mirrored handles",
+    against="mirrored bends",
+    unit="deg",
+    high=1e-9,
+    why="sums run in another order",
+)
+def mirror() -> float:
+    """Compare bends under mirrored handles [deg]."""
+    corners = [(0.0, 0.0), (1.0, 0.5), (2.5, -0.4), (3.0, 0.1)]
+    up = turn(still(), corners)
+    down = turn(still(), [(t, -angle) for t, angle in corners])
+    return degrees(float(np.abs(up.bend + down.bend).max()))
+
+
+@check(
+    CHECKS,
+    "bends with steps of 1 ms",
+    against="5 ms",
+    unit="deg",
+    high=1.0,
+    why="a hundredth of the range",
+)
+def timestep() -> float:
+    """Compare bends with steps of 1 ms and 5 ms over a loop [deg]."""
+    fine, coarse = (
+        loop(still(numerics=Numerics(timestep_s=step)), 1.6, 10.0).bend for step in (0.001, 0.005)
+    )
+    return degrees(float(np.abs(fine - coarse).max()))
+
+
+@check(
+    CHECKS,
+    "numbers of a restored state that differ 0.5 s on",
+    against="the state itself",
+    unit="",
+    high=0.0,
+    why="same bits: nothing is hidden",
+)
+def restored_state() -> float:
+    """Set a moving plant's state into another one; count the numbers that differ 0.5 s on."""
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    differing = 0
+    for name in instrument_files.names():
+        first, second = still(instrument_files.load(name)), still(instrument_files.load(name))
+        turn(first, [(0.0, 0.0), (0.7, 0.6)])
+        size = mujoco.mj_stateSize(first.model, kind)
+        before, after, again = np.empty((3, size))
+        mujoco.mj_getState(first.model, first.data, before, kind)
+        second.step_count = first.step_count
+        mujoco.mj_setState(second.model, second.data, before, kind)
+        second.refresh()
+        for plant, state in ((first, after), (second, again)):
+            plant.data.ctrl[:] = [-0.3, 0.4]
+            plant.advance(plant.step_count + 250)
+            mujoco.mj_getState(plant.model, plant.data, state, kind)
+        differing += int((after != again).sum())
+    return differing
+
+
+@cache
+def cycle_work() -> tuple[float, float]:
+    """Least work [mJ] of steady handle cycles at a fixed shaft: taken in, and dissipated.
+
+    Renewing the springs' stiffness as the section bends puts energy into them or takes some out;
+    what is dissipated is the sum of that and of the handle's work.
+    """
+    taken, lost = inf, inf
+    for name, shaft, peak in product(instrument_files.names(), SHAFTS_DEG, (0.4, 1.2)):
+        plant = still(instrument_files.load(name), shaft_deg=shaft)
+        loop(plant, peak, 10.0)
+        model, data = plant.model, plant.data
+        wires = [i for i in range(model.ntendon) if model.tendon(i).name.startswith("wire")]
+        handle = int(model.joint("handle_up_down").qposadr[0])
+        lever = plant.instrument.pulley_radius_m
+        rows, stiffness, renewed = [], model.tendon_stiffness[wires].copy(), 0.0
+        for angle in np.concatenate([np.linspace(peak, -peak, 501), np.linspace(-peak, peak, 501)]):
+            data.ctrl[0] = angle
+            plant.advance(plant.step_count + round(0.010 / plant.timestep_s))
+            proximal, _ = plant.snapshot().tensions
+            rows.append((data.qpos[handle], lever * (proximal[0] - proximal[2])))
+            stretch = np.maximum(data.ten_length[wires] - model.tendon_lengthspring[wires, 1], 0.0)
+            now = model.tendon_stiffness[wires]
+            renewed += float(((now - stiffness) * stretch**2).sum()) / 2
+            stiffness = now.copy()
+        angles, moments = np.array([*rows, rows[0]]).T
+        work = float(np.trapezoid(moments, angles))
+        taken, lost = min(taken, 1e3 * work), min(lost, 1e3 * (work + renewed))
+    return taken, lost
+
+
+@check(
+    CHECKS,
+    "work that a steady handle cycle takes in, least of 18",
+    against="no engine",
+    unit="mJ",
+    low=0.0,
+    why="dry friction dissipates",
+)
+def work_taken() -> float:
+    """Return the least work that cycles take in."""
+    return cycle_work()[0]
+
+
+@check(
+    CHECKS,
+    "work that it dissipates, renewal of stiffness booked apart",
+    against="no engine",
+    unit="mJ",
+    low=0.0,
+    why="the same",
+)
+def work_dissipated() -> float:
+    """Return the least work that cycles dissipate."""
+    return cycle_work()[1]
+
+
+@check(
+    CHECKS,
+    "bend of the surrogate over 40 s of random handle motion",
+    against="the twin",
+    unit="deg rms",
+    high=2.0,
+    why="plays know neither the other axis nor the bend; enough to rank laws",
+)
+def surrogate() -> float:
+    """Drive twin and surrogate alike."""
+    return apart_from_twin(rigs.plays_of(Instrument(), 180.0))
+
+
+@check(
+    CHECKS,
+    "bend of the quasi-static rig over the same motion",
+    against="the twin",
+    unit="deg rms",
+    high=0.5,
+    why="no inertia, no gravity, a bend that lags by one step of 10 ms",
+)
+def quasi_static() -> float:
+    """Drive twin and quasi-static rig alike."""
+    return apart_from_twin(rigs.wires_of(Instrument(), 180.0))
+
+
+def apart_from_twin(transmission: Transmission) -> float:
+    """Drive twin and a model alike; how far their bends are apart, rms of both axes [deg]."""
+    pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", transmission=transmission))
+    random = np.random.default_rng(0)
+    t = np.arange(0.0, 40.0, 0.02)
+    goals = np.zeros((len(t), 2))
+    for _ in range(6):
+        rate, phase, size = (random.uniform(*r, 2) for r in ((0.2, 1.3), (0.0, 6.3), (0.1, 0.4)))
+        goals += size * (np.sin(rate * t[:, None] + phase) - np.sin(phase))
+    bends = []
+    for rig in pair:
+        with rig:
+            rig.actuators.enable()
+            course = []
+            for time, goal in zip(t.tolist(), goals.tolist(), strict=True):
+                rig.clock.sleep_until(time)
+                rig.actuators.exchange(Command(position=goal))
+                course.append(rig.truth.now().plant.bend_rad)
+        bends.append(np.array(course))
+    return degrees(float(np.sqrt(np.mean((bends[0] - bends[1]) ** 2))))

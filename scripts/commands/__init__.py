@@ -1,0 +1,1 @@
+"""The sub-commands of `endolock`, one file each."""

@@ -1,0 +1,1 @@
+"""`endolock doctor`: does everything work here."""

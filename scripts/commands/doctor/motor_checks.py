@@ -1,0 +1,269 @@
+"""What `endolock doctor` says of the motors on a serial port; looking moves and changes nothing."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from endolock.hw.api import ConfigError, EndolockError, LinkLost, PortGone
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Instruction, Parser, encode
+from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.scripts.commands.doctor.examination import Finding
+
+BAUD = 1_000_000
+"""What motors are set up for; slower is told [1/s]."""
+SEARCHES_S = (0.15, 0.8)
+"""So long a search waits for answers at each baud rate [s]: the second one where the first found
+fewer than two motors. They answer in turn, 3 ms for each id: enough for ids up to 40, and for all.
+Source of the 3 ms: how long the maker's library waits."""
+ANSWER_S = 0.1
+"""So long one motor's answer may take [s]: 30 ms at 9600 baud, 16 ms in an adapter, and some."""
+MODELS = {
+    **{1000: "XH430-W350", 1010: "XH430-W210", 1020: "XM430-W350", 1030: "XM430-W210"},
+    **{1040: "XH430-V350", 1050: "XH430-V210"},
+    **{1100: "XH540-W270", 1110: "XH540-W150"},
+    **{1120: "XM540-W270", 1130: "XM540-W150", 1140: "XH540-V270", 1150: "XH540-V150"},
+    **{1170: "XW540-T260", 1180: "XW540-T140", 1270: "XW430-T333"},
+    **{1280: "XW430-T200", 1001: "XD430-T350", 1011: "XD430-T210", 1101: "XD540-T270"},
+    **{1111: "XD540-T150"},
+}
+"""By model number: the X series of the sizes 430 and 540 that measure their current, which XL430
+and XC430 do not. That of the size 330 is left out, for its indirect data lie elsewhere. Source:
+e-Manual."""
+
+Tell = Callable[[str], None]
+"""Is told what is under way."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """What was read of one motor."""
+
+    id: int
+    model: int
+    firmware: int
+    baud: int
+    return_delay: int
+    homing_offset: int
+    hardware_error: int
+    watchdog: int
+    torque: int
+
+    @property
+    def name(self) -> str:
+        """Its model."""
+        return MODELS.get(self.model, f"model {self.model}")
+
+
+def refused(name: str, error: EndolockError) -> Finding:
+    """Turn an error into a finding; ours end with what to do next."""
+    text, _, advice = str(error).partition("; ")
+    if isinstance(error, PortGone):
+        advice = "plug it in, and give a port that the row serial lists"
+    elif isinstance(error, LinkLost) and "endolock doctor" in advice:  # that is us
+        advice = "check power and cable, then run this again"
+    elif "endolock doctor" in advice:
+        advice = "see what the row serial says of it, or give a port that it lists"
+    return Finding(name, False, text, advice or "correct that, then run this again")
+
+
+def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> list[Motor]:
+    """Find all motors on an open port, at every baud rate, and read them.
+
+    Raises:
+        ConfigError: motors share an id.
+        LinkError: one that was found answers no more, or the port is gone.
+    """
+    places = _search(line, tell, searches_s)
+    times = Counter(device for device, _ in places)
+    for device, baud in places:
+        if times[device] > 1 or _crowded(line, device, baud):
+            raise ConfigError(
+                f"answers with the id {device} come twice or damaged: several motors have it, or "
+                "the cable is bad; connect one alone, give it another id (docs/bench.md), then both"
+            )
+    return sorted((read(line, *place) for place in places), key=lambda motor: motor.id)
+
+
+def read(line: Port, device: int, baud: int) -> Motor:
+    """Read what matters of one motor.
+
+    Raises:
+        LinkError: it does not answer, or the port is gone.
+    """
+    line.set_baud(baud)
+    bus = Bus(line, WallClock(), {}, ANSWER_S)
+    model, firmware = bus.ping(device)
+    return Motor(
+        id=device,
+        model=model,
+        firmware=firmware,
+        baud=baud,
+        return_delay=bus.read(device, reg.RETURN_DELAY) % 256,  # read as a signed number
+        homing_offset=bus.read(device, reg.HOMING_OFFSET),
+        hardware_error=bus.read(device, reg.HARDWARE_ERROR),
+        watchdog=bus.read(device, reg.WATCHDOG),
+        torque=bus.read(device, reg.TORQUE_ENABLE),
+    )
+
+
+def judge(motors: Sequence[Motor], path: str) -> list[Finding]:
+    """Judge what was found on a port, one row for each question."""
+    if not motors:
+        text = f"none answers at any rate from {reg.BAUDS[0]} to {reg.BAUDS[-1]} baud"
+        advice = (
+            "see that the motors' supply is on and the data cable in; where two have the same id, "
+            "as new ones have, connect one alone and give it another (docs/bench.md)"
+        )
+        return [Finding("motors", False, text, advice)]
+    told = [f"{m.id} ({m.name}, firmware {m.firmware}, {m.baud} baud)" for m in motors]
+    advice = ""
+    if strange := [m.name for m in motors if m.model not in MODELS]:
+        advice = (
+            f"registers of {', '.join(strange)} may lie elsewhere; use X series of the size 430 or "
+            "540, such as XM430-W350"
+        )
+    away = "move bench.toml away, " if bench_file.USUAL.exists() else ""
+    cure = (
+        f"{away}straighten the endoscope, then endolock doctor --port {shlex.quote(path)} --set-up"
+    )
+    rows = [Finding("motors", not strange, ", ".join(told), advice)]
+    for check in CHECKS:
+        bad = any(check.bad(m) for m in motors)
+        values = ", ".join(f"{m.id}: {check.value(m)}" for m in motors)
+        advice = check.advice.replace("SET-UP", cure) if bad else ""
+        rows.append(Finding(check.name, not bad, values, advice))
+    return [*rows, _bench(motors, cure)]
+
+
+class Check(NamedTuple):
+    """One question to all motors."""
+
+    name: str
+    value: Callable[[Motor], str]
+    bad: Callable[[Motor], bool]
+    advice: str
+    """What to do where one is bad."""
+
+
+def _errors(motor: Motor) -> str:
+    told = [
+        f"{what} ({kind}): {first}"
+        for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items()
+        if motor.hardware_error & bit
+    ]
+    return ", ".join(told) or (hex(motor.hardware_error) if motor.hardware_error else "none")
+
+
+def _watchdog(motor: Motor) -> str:
+    if motor.watchdog == reg.TRIPPED:
+        return "has stopped the motor"
+    return f"{motor.watchdog * reg.WATCHDOG_UNIT_S:g} s" if motor.watchdog else "off"
+
+
+CHECKS = (
+    Check(
+        "firmware",
+        lambda m: str(m.firmware),
+        lambda m: m.firmware < reg.OLDEST_FIRMWARE,
+        f"below {reg.OLDEST_FIRMWARE} there is no bus watchdog: update it with the maker's "
+        "DYNAMIXEL Wizard",
+    ),
+    Check(
+        "baud",
+        lambda m: str(m.baud),
+        lambda m: m.baud < BAUD,
+        "that is slow, the factory's 57600 leave 55 cycles/s: SET-UP",
+    ),
+    Check(
+        "return delay",
+        lambda m: f"{m.return_delay} ({2 * m.return_delay} us)" if m.return_delay else "0",
+        lambda m: m.return_delay != 0,
+        "so long every answer waits: SET-UP",
+    ),
+    Check(
+        "homing offset",
+        lambda m: str(m.homing_offset),
+        lambda m: m.homing_offset != 0,
+        "with one a motor creeps after its watchdog has stopped it: SET-UP",
+    ),
+    Check(
+        "hardware error",
+        _errors,
+        lambda m: m.hardware_error != 0,
+        "do that, then switch the motors' supply off and on, or clear_fault()",
+    ),
+    Check(
+        "watchdog",
+        _watchdog,
+        lambda m: m.watchdog == reg.TRIPPED,
+        "its program went silent; what connects next relaxes the motor and clears this, so does "
+        "switching the supply off: hold the endoscope",
+    ),
+    Check(
+        "torque",
+        lambda m: "on" if m.torque else "off",
+        lambda m: m.torque != 0,
+        "it holds though no program has the port; what connects next relaxes the motor, so does "
+        "switching the supply off: hold the endoscope",
+    ),
+)
+"""In the order of the rows."""
+
+
+def _bench(motors: Sequence[Motor], cure: str) -> Finding:
+    """See that the motors are those of the bench file here, or of the defaults."""
+    name = (
+        f"{bench_file.USUAL}:" if bench_file.USUAL.exists() else f"no {bench_file.USUAL} here, so"
+    )
+    try:
+        bench = bench_file.load()
+    except ConfigError as error:
+        return refused("bench", error)
+    there = {m.id: m.baud for m in motors}
+    wanted = {handle.id: axis for axis, handle in bench.handles.items()}
+    told = ", ".join(f"{axis} {device}" for device, axis in wanted.items())
+    text = f"{name} {told} at {bench.baud} baud"
+    missing = [f"{device} ({axis})" for device, axis in wanted.items() if device not in there]
+    if missing:
+        answers = ", ".join(map(str, there))
+        text += f"; motor {' and '.join(missing)} does not answer, but {answers}"
+        return Finding("bench", False, text, f"see to its supply and cable, or {cure}")
+    if others := [f"{d} at {there[d]}" for d in wanted if there[d] != bench.baud]:
+        return Finding("bench", False, f"{text}; motor {' and '.join(others)}", cure)
+    return Finding("bench", True, text)
+
+
+def _search(line: Port, tell: Tell, searches_s: Sequence[float]) -> list[tuple[int, int]]:
+    """Return id and baud rate of every motor that answers to a broadcast ping."""
+    found: list[tuple[int, int]] = []
+    for wait_s in searches_s:
+        bus = Bus(line, WallClock(), {}, wait_s)
+        found = []
+        for baud in reg.BAUDS:
+            tell(f"motors at {baud} baud")
+            line.set_baud(baud)
+            found += [(device, baud) for device in bus.scan()]
+        if len(found) >= 2:
+            break
+    return found
+
+
+def _crowded(line: Port, device: int, baud: int) -> bool:
+    """Tell whether more than one motor answers to an id, one after the other or over another."""
+    line.set_baud(baud)
+    line.receive(0.0)  # what may be left
+    line.send(encode(device, Instruction.PING))
+    parser, answers = Parser(), 0
+    end = time.monotonic() + ANSWER_S
+    while data := line.receive(end - time.monotonic()):
+        answers += len(parser.feed(data))
+    return answers > 1 or parser.damaged > 0

@@ -1,0 +1,144 @@
+"""How `endolock doctor --set-up` prepares two motors for a bench, and writes its bench.toml."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from endolock.hw.api import AXES, ConfigError, EndolockError, LinkLost
+from endolock.hw.bench import bench_file
+from endolock.hw.bench.bench_file import Bench, Handles
+from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.servo_setup import RESTART_S
+from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.motor_checks import ANSWER_S, BAUD, MODELS, Motor, refused
+
+WARNING = (
+    "set-up: the motors relax and restart, and where they stand becomes their zero: the endoscope "
+    "must be straight now; Ctrl-C if it is not"
+)
+
+SETTINGS = {
+    "return delay": reg.RETURN_DELAY,
+    "drive mode": reg.DRIVE_MODE,
+    "homing offset": reg.HOMING_OFFSET,
+}
+"""What becomes 0: how long an answer waits, the way the motor turns, the shift of its positions."""
+
+
+def check() -> None:
+    """See that a bench file can be written here.
+
+    Raises:
+        ConfigError: it cannot, or there is one.
+    """
+    path = bench_file.USUAL
+    if path.exists():
+        raise ConfigError(
+            f"{path} exists, so nothing was set up; move it away to set up anew, or leave out "
+            "--set-up to look only"
+        )
+    if not os.access(Path(), os.W_OK | os.X_OK):
+        raise ConfigError(
+            f"cannot write {path} in {Path().resolve()}, so nothing was set up; change to a folder "
+            "that you may write to"
+        )
+
+
+def set_up(line: Port, motors: Sequence[Motor]) -> Finding:
+    """Set two motors up and write bench.toml; the one with the lower id gets up_down.
+
+    Torque goes off. What is kept without power is written only where it differs, for that memory
+    wears. A motor counts whole turns only while it has power, so both restart before their position
+    is taken: it then lies in the turn in which every later day begins.
+
+    Args:
+        line: an open port.
+        motors: all that are on it.
+    """
+    try:
+        _accept(motors)
+        bus = Bus(line, WallClock(), {}, ANSWER_S)
+        for motor in motors:  # off first, both of them
+            line.set_baud(motor.baud)
+            bus.write(motor.id, reg.WATCHDOG, 0)
+            bus.write(motor.id, reg.TORQUE_ENABLE, 0)
+        told = [f"{motor.id}: {', '.join(_write(bus, motor)) or 'kept'}" for motor in motors]
+        for motor in motors:
+            bus.reboot(motor.id)
+        for motor in motors:
+            _await(bus, motor.id)
+        zeros = [bus.read(motor.id, reg.POSITION) for motor in motors]
+        handles = {
+            axis: Handle(id=motor.id, zero_counts=zero)
+            for axis, motor, zero in zip(AXES, motors, zeros, strict=True)
+        }
+        bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.USUAL)
+    except EndolockError as error:
+        return refused("set-up", error)
+    told += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
+    return Finding("set-up", True, f"{'; '.join(told)}; wrote {bench_file.USUAL}")
+
+
+def _accept(motors: Sequence[Motor]) -> None:
+    """See that these are two motors whose registers are known.
+
+    Raises:
+        ConfigError: they are not.
+    """
+    if len(motors) != 2:
+        ids = f" ({', '.join(str(motor.id) for motor in motors)})" if motors else ""
+        raise ConfigError(
+            f"{len(motors)} motors{ids} where a bench has two, so nothing was set up; connect "
+            "those two and no other, see that both answer, then run this again"
+        )
+    for motor in motors:
+        if motor.model not in MODELS:
+            raise ConfigError(
+                f"motor {motor.id} is a {motor.name}, whose registers are not known here, so "
+                "nothing was set up; use X series of the size 430 or 540, such as XM430-W350"
+            )
+
+
+def _write(bus: Bus, motor: Motor) -> list[str]:
+    """Write what differs to a motor without torque; say what did."""
+    bus.port.set_baud(motor.baud)
+    told = []
+    for name, register in SETTINGS.items():
+        has = bus.read(motor.id, register)
+        if has:
+            bus.write(motor.id, register, 0)
+            told.append(f"{name} {has % 256 if register.size == 1 else has} -> 0")
+    if motor.baud != BAUD:
+        with suppress(LinkLost):  # it may answer at the new rate already
+            bus.write(motor.id, reg.BAUD, reg.BAUDS.index(BAUD))
+        bus.port.set_baud(BAUD)
+        _await(bus, motor.id)
+        told.append(f"baud {motor.baud} -> {BAUD}")
+    return told
+
+
+def _await(bus: Bus, device: int) -> None:
+    """Wait until a motor answers.
+
+    Raises:
+        LinkLost: it does not.
+    """
+    clock = WallClock()
+    while True:
+        try:
+            bus.ping(device)
+            return
+        except LinkLost:
+            if clock.now() >= RESTART_S:
+                raise LinkLost(
+                    f"motor {device} does not answer at {BAUD} baud any more; switch the motors' "
+                    "supply off and on, then run this again",
+                    t=clock.now(),
+                ) from None

@@ -1,0 +1,122 @@
+"""What `endolock doctor` says of serial ports, and of the one that is named.
+
+No port is opened unless it is named: a device that is not ours may restart when its port is opened.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from endolock.hw.api import EndolockError
+from endolock.hw.dynamixel.port import BY_ID, Port, serial_port
+from endolock.scripts.commands.doctor import motor_checks
+from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.motor_checks import BAUD, SEARCHES_S, Motor, Tell, refused
+
+TIMER_MS = 1
+"""The shortest time for which an FTDI adapter keeps what came before it hands it on [ms]."""
+UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"
+UDEV_RULE = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'
+
+
+def serial(
+    devices: Path = Path("/dev"), adapters: Path = Path("/sys/bus/usb-serial/devices")
+) -> Finding:
+    """List the serial ports on USB; see, without opening them, that they may be opened.
+
+    Args:
+        devices: where they are.
+        adapters: where Linux tells how they are set.
+    """
+    found: dict[Path, str] = {}
+    for pattern in ("serial/by-id/*", "ttyUSB*", "ttyACM*"):
+        for link in sorted(devices.glob(pattern)):
+            found.setdefault(link.resolve(), link.name)
+    closed_to_us = {
+        port.name: port.group() for port in found if not os.access(port, os.R_OK | os.W_OK)
+    }
+    timers_ms: dict[str, int] = {}
+    for port in found:
+        with suppress(OSError, ValueError):  # only FTDI's have one
+            timers_ms[port.name] = int((adapters / port.name / "latency_timer").read_text())
+    return ports({port.name: name for port, name in found.items()}, closed_to_us, timers_ms)
+
+
+def ports(
+    found: Mapping[str, str], closed_to_us: Mapping[str, str], timers_ms: Mapping[str, int]
+) -> Finding:
+    """Judge serial ports.
+
+    Args:
+        found: names for people, by device.
+        closed_to_us: which of them we may not open, with the group that may.
+        timers_ms: how long they wait before they hand on what came [ms], of those that tell.
+    """
+    if not found:
+        return Finding("serial", True, "none; the twin needs none")
+    told, advice = [], []
+    for port, name in found.items():
+        more = [name] if name != port else []
+        more += [f"latency timer {timers_ms[port]} ms"] if port in timers_ms else []
+        told.append(f"{port} ({', '.join(more)})" if more else port)
+    text = ", ".join(told)
+    if closed_to_us:
+        groups = ",".join(sorted(set(closed_to_us.values())))
+        text += f"; no permission to open {', '.join(closed_to_us)}"
+        advice.append(f"sudo usermod -aG {groups} $USER, then log in again")
+    if late := [port for port, timer_ms in timers_ms.items() if timer_ms > TIMER_MS]:
+        text += f"; the timer of {', '.join(late)} slows every cycle (16 ms: 58 cycles/s)"
+        advice.append(
+            f"write the line {UDEV_RULE} into {UDEV_FILE}, then sudo udevadm control --reload, "
+            "and plug the adapter in again"
+        )
+    return Finding("serial", not advice, text, "; ".join(advice))
+
+
+def examine(
+    path: str,
+    tell: Tell,
+    *,
+    change: Callable[[Port, list[Motor]], Finding] | None = None,
+    by_id: Path = BY_ID,
+    searches_s: Sequence[float] = SEARCHES_S,
+) -> list[Finding]:
+    """Open a port, find the motors on it, and judge both.
+
+    Args:
+        path: of the port.
+        tell: is told what is under way.
+        change: sets the motors up before they are judged.
+        by_id: folder of lasting names.
+        searches_s: see `SEARCHES_S`.
+    """
+    findings: list[Finding] = []
+    line: Port | None = None
+    try:
+        line = serial_port(path, BAUD)
+        line.open()
+        findings.append(Finding("port", True, _opened(path, by_id)))
+        motors = motor_checks.look(line, tell, searches_s)
+        if change:
+            tell("set-up")
+            findings.append(change(line, motors))
+            motors = motor_checks.look(line, tell, searches_s)
+        findings += motor_checks.judge(motors, path)
+    except EndolockError as error:
+        findings.append(refused("motors" if findings else "port", error))
+    finally:
+        if line:
+            line.close()
+    return findings
+
+
+def _opened(path: str, by_id: Path) -> str:
+    """Say under which name a port was opened, and under which it should be."""
+    port = Path(path)
+    lasting = sorted(link for link in by_id.glob("*") if link.resolve() == port.resolve())
+    if not lasting or port.absolute() in lasting:
+        return f"{path} opened"
+    return f"{path} opened; better give {lasting[0]}, which it is called wherever it is plugged in"

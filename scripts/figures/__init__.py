@@ -1,0 +1,1 @@
+"""Figures and recordings drawn from runs and boards."""

@@ -1,0 +1,198 @@
+"""Turns a run folder into run.rrd, a Rerun recording that opens well arranged.
+
+Left the two pictures, with the image centre and what vision found; right the section in 3-D above
+the curves: error, handles, wire tensions. Pictures stand at the time they were delivered, the
+section and the board where they truly were, so the latency can be seen.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from endolock.hw.api import AXES, ConfigError
+from endolock.scripts.runs import run_folder
+
+TIMELINE = "time"
+WIRES = ("up", "right", "down", "left")
+GREEN, RED, BLUE, ORANGE, GREY, YELLOW = (
+    (80, 200, 120),
+    (230, 80, 80),
+    (80, 140, 230),
+    (240, 160, 50),
+    (150, 150, 150),
+    (255, 220, 40),
+)
+
+
+def derive(folder: Path) -> Path:
+    """Write run.rrd into a run folder, replacing an older one; return its path.
+
+    Args:
+        folder: a run folder, complete or cut off.
+
+    Raises:
+        ConfigError: it is no run folder, or cannot be written.
+    """
+    ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
+    configuration = run_folder.configuration(folder)
+    part, path = folder / "run.rrd.part", folder / "run.rrd"
+    law_shown = any(ticks["signals"].to_pylist())
+    try:
+        with rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream:
+            stream.save(part, default_blueprint=_blueprint(law_shown))
+            _still(stream, configuration)
+            centre = configuration["calibration"]["centre_px"]
+            _frames(stream, frames, centre)
+            _ticks(stream, ticks, centre)
+            stream.disconnect()
+        part.replace(path)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}; copy the folder first") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
+    """What does not change: axes, camera geometry, centre cross, board outline, colours."""
+    stream.log("world", rr.ViewCoordinates.RDF, static=True)
+    c = configuration["calibration"]
+    u, v = c["centre_px"]
+    camera = rr.Pinhole(
+        focal_length=c["focal_px"],
+        principal_point=[u + 0.5, v + 0.5],  # Rerun counts from the picture's corner
+        width=c["width"],
+        height=c["height"],
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.03,
+    )
+    stream.log("world/tip/camera", camera, static=True)
+    x, y = u + 0.5, v + 0.5
+    cross = [[[x - 14, y], [x + 14, y]], [[x, y - 14], [x, y + 14]]]
+    stream.log("tip/centre", rr.LineStrips2D(cross, colors=GREEN, radii=1.0), static=True)
+    half = configuration["board"]["size_m"] / 2
+    paper = rr.Boxes3D(half_sizes=[[half, half, 0.0005]], colors=GREY, fill_mode="solid")
+    stream.log("world/board", paper, static=True)
+    stream.log("world/board/target", rr.Points3D([[0, 0, 0]], radii=0.006, colors=RED), static=True)
+    curves = {
+        "error/now": ("target from centre, now [px]", RED),
+        "error/seen": ("target from centre, as seen [px]", BLUE),
+        **{
+            f"wires/{wire}": (f"wire {wire} [N]", colour)
+            for wire, colour in zip(WIRES, (ORANGE, BLUE, RED, GREEN), strict=True)
+        },
+    }
+    for axis, dark in zip(AXES, (ORANGE, BLUE), strict=True):
+        curves[f"handles/{axis}/goal"] = (f"{axis} goal [deg]", GREY)
+        curves[f"handles/{axis}/measured"] = (f"{axis} measured [deg]", dark)
+    for path, (name, colour) in curves.items():
+        stream.log(path, rr.SeriesLines(names=name, colors=colour, widths=1.5), static=True)
+
+
+def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -> None:
+    """Pictures and detections when they were delivered; section and board when they were so."""
+    rows = frames.to_pylist()
+    found = [row for row in rows if row["status"] == "tracking"]
+    pixels = np.array([row["target_px"] for row in found]).reshape(-1, 2)
+    error = np.hypot(*(pixels - centre).T)
+    _scalars(stream, "error/seen", [row["t_available"] for row in found], error)
+    delivered = [row["t_available"] for row in rows]
+    for name in ("tip", "overview"):
+        pictures = [(t, row[f"{name}_jpeg"]) for t, row in zip(delivered, rows, strict=True)]
+        pictures = [(t, jpeg) for t, jpeg in pictures if jpeg is not None]
+        if pictures:
+            columns = rr.EncodedImage.columns(
+                blob=[jpeg for _, jpeg in pictures], media_type=["image/jpeg"] * len(pictures)
+            )
+            _columns(stream, f"{name}/picture", [t for t, _ in pictures], columns)
+    for t, row in zip(delivered, rows, strict=True):
+        stream.set_time(TIMELINE, duration=t)
+        corners = np.array(row["corners_px"] or np.empty((0, 2)), float)
+        squares = [[*square, square[0]] for square in corners.reshape(-1, 4, 2) + 0.5]
+        stream.log("tip/markers", rr.LineStrips2D(squares, colors=BLUE, radii=0.8))
+        judged = [np.add(row["reference_px"], 0.5)] if row["reference_px"] else []
+        stream.log("tip/by_markers", rr.Points2D(judged, colors=GREEN, radii=2.5))
+        spot = [np.add(row["target_px"], 0.5)] if row["status"] == "tracking" else []
+        stream.log("tip/target", rr.Points2D(spot, colors=YELLOW, radii=4.0))
+    _true_poses(stream, [row for row in rows if row["true_t"] is not None])
+
+
+def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
+    if not rows:
+        return
+    times = [row["true_t"] for row in rows]
+    strips = [np.array(row["backbone_m"]) for row in rows]
+    section = rr.LineStrips3D.columns(
+        strips=strips, radii=[0.0045] * len(rows), colors=[GREY] * len(rows)
+    )
+    _columns(stream, "world/section", times, section)
+    for entity, key in (("world/tip", "tip_pose"), ("world/board", "board_pose")):
+        poses = np.array([row[key] for row in rows])
+        # Rerun's quaternions are (x, y, z, w).
+        turned = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]])
+        _columns(stream, entity, times, turned)
+    path = np.array([row["board_pose"][:3] for row in rows])
+    stream.log("world/path", rr.LineStrips3D([path], radii=0.0006, colors=RED), static=True)
+
+
+def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> None:
+    """Curves at the control rate."""
+    rows = ticks.to_pylist()
+    t = [row["t"] for row in rows]
+    true = [(row["t"], row["target_px"]) for row in rows if row["target_px"] is not None]
+    if true:
+        error = np.hypot(*(np.array([p for _, p in true]) - centre).T)
+        _scalars(stream, "error/now", [time for time, _ in true], error)
+    for i, axis in enumerate(AXES):
+        for key, name in (("target_rad", "goal"), ("position_rad", "measured")):
+            angle = np.degrees([row[key][i] for row in rows])
+            _scalars(stream, f"handles/{axis}/{name}", t, angle)
+    inside = [(row["t"], dict(row["signals"] or ())) for row in rows]
+    for name in dict.fromkeys(name for _, told in inside for name in told):
+        told = [(time, signals[name]) for time, signals in inside if name in signals]
+        stream.log(f"law/{name}", rr.SeriesLines(names=name.replace("_", " ")), static=True)
+        _scalars(stream, f"law/{name}", [time for time, _ in told], np.array([v for _, v in told]))
+    tense = [row for row in rows if row["tension_section_n"] is not None]
+    for i, wire in enumerate(WIRES):
+        force = np.array([row["tension_section_n"][i] for row in tense])
+        _scalars(stream, f"wires/{wire}", [row["t"] for row in tense], force)
+
+
+def _scalars(
+    stream: rr.RecordingStream, path: str, times: list[float], values: NDArray[np.float64]
+) -> None:
+    if times:
+        _columns(stream, path, times, rr.Scalars.columns(scalars=values))
+
+
+def _columns(stream: rr.RecordingStream, path: str, times: list[float], columns: Any) -> None:
+    index = rr.TimeColumn(TIMELINE, duration=times)
+    rr.send_columns(path, indexes=[index], columns=columns, recording=stream)
+
+
+def _blueprint(law_shown: bool) -> rrb.Blueprint:
+    pictures = rrb.Vertical(
+        rrb.Spatial2DView(origin="tip", name="tip camera, as delivered"),
+        rrb.Spatial2DView(origin="overview", name="fixed camera"),
+    )
+    curves = rrb.Vertical(
+        rrb.Spatial3DView(origin="world", name="section and board"),
+        rrb.TimeSeriesView(origin="error", name="error [px]"),
+        rrb.TimeSeriesView(origin="handles", name="handles [deg]"),
+        rrb.TimeSeriesView(origin="wires", name="wire tension at the section [N]"),
+        *([rrb.TimeSeriesView(origin="law", name="inside the law")] if law_shown else []),
+        row_shares=[3, 2, 2, 2, *([2] if law_shown else [])],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(pictures, curves, column_shares=[2, 3]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+    )

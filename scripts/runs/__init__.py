@@ -1,0 +1,1 @@
+"""The run library: rigs by name, run folders, overrides, batches, logs."""

@@ -1,0 +1,187 @@
+"""Reads logs of handle angles and tip bends: run folders with a pose tracker, and CSV files."""
+
+from __future__ import annotations
+
+import csv
+from difflib import get_close_matches
+from math import degrees, pi
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from endolock.control.identification.fits import STEP_RAD, Log
+from endolock.control.transmission.quasi_static import thin
+from endolock.hw.api import AXES, ConfigError, Pose, Vector
+from endolock.scripts.runs import run_folder
+
+TIME = "t_s"
+HANDLES = tuple(f"handle_{axis}_rad" for axis in AXES)
+BENDS = tuple(f"tip_{axis}_rad" for axis in AXES)
+TENSIONS = tuple(f"tension_{wire}_n" for wire in ("up", "right", "down", "left"))
+"""Columns of a CSV file; the tensions, at the handle, may be missing, all four."""
+
+LARGEST_HANDLE_RAD = 4 * pi
+LARGEST_BEND_RAD = 1.2 * pi
+"""Larger numbers are no radians."""
+GAP_S = 0.5
+"""Longest time without a row [s]; ten rows where they come more seldom than that."""
+LEAST_TRAVEL_RAD = 0.3
+LEAST_BEND_RAD = np.radians(10.0)
+"""What a log must contain, on either side of its turns."""
+LEAST_CORRELATION = 0.5
+"""Of bend and handle; a loop half as wide as the handle's range still has that."""
+LEAST_TURNS = 3
+"""So that the first two thirds hold strokes in both directions."""
+
+
+def read(source: Path) -> Log:
+    """Read and check a log.
+
+    Args:
+        source: a run folder whose rig had a pose tracker, or a CSV file.
+
+    Raises:
+        ConfigError: it is no such thing, or says too little, or what it says cannot be.
+    """
+    log = _folder(source) if source.is_dir() else _table(source)
+    try:
+        _check(log)
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {error}") from None
+    return log
+
+
+def _folder(source: Path) -> Log:
+    """Handle angles at the times of the tracker's poses."""
+    ticks: pa.Table = run_folder.read(source, "ticks")
+    columns = ticks["tracked_t"].to_pylist(), ticks["tracked_pose"].to_pylist()
+    tracked = {t: pose for t, pose in zip(*columns, strict=True) if t is not None}
+    if not tracked:
+        raise ConfigError(
+            f"{source} has no poses of a tracker; record some with endolock hysteresis --out DIR, "
+            "or with a scenario that has a [tracker]"
+        )
+    times, vectors = np.array(list(tracked)), []
+    for x, y, z, *quaternion in tracked.values():
+        pose = Pose(t=0.0, position=(x, y, z), quaternion=tuple(quaternion))
+        vectors.append(pose.rotation_vector)
+    known = np.array(ticks["state_t"].to_pylist())
+    handles = np.array(ticks["position_rad"].to_pylist())
+    handle = np.column_stack([np.interp(times, known, column) for column in handles.T])
+    return Log(times, handle, np.array(vectors)[:, :2])
+
+
+def _table(source: Path) -> Log:
+    try:
+        with source.open(newline="", encoding="utf-8-sig") as file:
+            head, *rows = csv.reader(file)
+    except FileNotFoundError:
+        raise ConfigError(f"no log at {source}; give a run folder or a CSV file") from None
+    except ValueError as error:
+        if isinstance(error, UnicodeDecodeError):
+            raise ConfigError(f"{source} is not UTF-8 text; give a CSV file") from None
+        raise ConfigError(f"{source} is empty; give a CSV file with a header") from None
+    except (OSError, csv.Error) as error:
+        raise ConfigError(
+            f"cannot read {source}: {error}; give a run folder or a CSV file"
+        ) from None
+    names = [name.strip() for name in head]
+    if not any(names):
+        raise ConfigError(f"{source} begins with an empty line; give a CSV file with a header")
+    for wanted in (TIME, *HANDLES, *BENDS):
+        if wanted not in names:
+            near = get_close_matches(wanted, names, 1)
+            hint = f"; is {near[0]} meant?" if near else f"; it has {', '.join(names)}"
+            raise ConfigError(f"{source} has no column {wanted}{hint}")
+    columns: dict[str, list[float]] = {name: [] for name in names}
+    for line, row in enumerate(rows, 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        for name, cell in zip(names, row + [""] * len(names), strict=False):
+            columns[name].append(_number(source, line, name, cell))
+    tension = None
+    if given := [name for name in TENSIONS if name in names]:
+        if len(given) < len(TENSIONS):
+            raise ConfigError(f"{source} has {', '.join(given)}; give all four tensions, or none")
+        tension = np.column_stack([columns[name] for name in TENSIONS])
+    handle, bend = (np.column_stack([columns[n] for n in names]) for names in (HANDLES, BENDS))
+    return Log(np.array(columns[TIME]), handle, bend, tension)
+
+
+def _number(source: Path, line: int, name: str, cell: str) -> float:
+    try:
+        value = float(cell)
+        if np.isfinite(value):
+            return value
+    except ValueError:
+        pass
+    raise ConfigError(f"{source}, line {line}: {name} is {cell!r}; use a finite number")
+
+
+def _check(log: Log) -> None:
+    """See that a log can be fitted; the message lacks the file's name."""
+    if len(log.t) < 2:
+        raise ConfigError(f"{len(log.t)} rows; record some periods of a slow triangle wave")
+    steps = np.diff(log.t)
+    if (back := int(steps.argmin())) >= 0 and steps[back] <= 0:
+        raise ConfigError(f"time does not go on after t = {log.t[back]:g} s; sort the rows by time")
+    longest = int(steps.argmax())
+    if steps[longest] > max(GAP_S, 10 * float(np.median(steps))):
+        raise ConfigError(
+            f"a gap of {steps[longest]:.2f} s after t = {log.t[longest]:g} s; record it again, or "
+            "give the longer part on one side of it"
+        )
+    _check_radians("handle angles", log.handle, LARGEST_HANDLE_RAD)
+    _check_radians("tip bends", log.bend, LARGEST_BEND_RAD)
+    if log.tension is not None and log.tension.min() < -0.05 * np.ptp(log.tension):
+        raise ConfigError("tensions go below zero, but wires only pull; check sign and zero")
+    if log.tension is not None and not log.tension[:, [log.axis, log.axis + 2]].max() > 0:
+        raise ConfigError(
+            f"the tensions of the {AXES[log.axis]} wires are never above zero; check the load "
+            "cells, or leave the columns out"
+        )
+    handle, bend = log.handle[:, log.axis], log.bend[:, log.axis]
+    for what, values, least in (
+        ("handle", handle, LEAST_TRAVEL_RAD),
+        ("tip", bend, LEAST_BEND_RAD),
+    ):
+        if np.ptp(values) < 2 * least:
+            raise ConfigError(
+                f"the {what} moves by {degrees(np.ptp(values)):.1f} deg in all; record strokes of "
+                f"{degrees(least):.0f} deg to either side at least"
+            )
+    alike = float(np.corrcoef(handle, bend)[0, 1])
+    if alike < LEAST_CORRELATION:
+        raise ConfigError(
+            f"the {AXES[log.axis]} bend does not follow its handle (correlation {alike:.2f}); "
+            "check sign and axes"
+        )
+    turns = _turns(handle)
+    if turns < LEAST_TURNS:
+        raise ConfigError(
+            f"the handle turns back {turns} times; record {LEAST_TURNS} turns or more, a triangle "
+            "wave of two periods"
+        )
+
+
+def _check_radians(what: str, values: Vector, largest: float) -> None:
+    most = float(np.abs(values).max())
+    if most > largest:
+        raise ConfigError(
+            f"{what} reach {most:.4g}, more than {largest:.1f} rad: these look like degrees; "
+            "divide them by 57.3"
+        )
+
+
+def _turns(handle: Vector) -> int:
+    """How often the handle turns back after a stroke of `LEAST_TRAVEL_RAD` or more."""
+    turns, direction, extreme = 0, 0, float(handle[0])
+    for angle in handle[thin(handle, STEP_RAD)].tolist():
+        if direction == 0 and abs(angle - extreme) >= LEAST_TRAVEL_RAD:
+            direction, extreme = (1 if angle > extreme else -1), angle
+        elif direction and (angle - extreme) * direction > 0:
+            extreme = angle
+        elif direction and (extreme - angle) * direction >= LEAST_TRAVEL_RAD:
+            turns, direction, extreme = turns + 1, -direction, angle
+    return turns

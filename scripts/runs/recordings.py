@@ -1,0 +1,80 @@
+"""Opens what was recorded, a run folder or a video file with time stamps, as a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import TypeAdapter
+
+from endolock.hw import boards
+from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
+from endolock.hw.camera import camera_file, recorded_video
+from endolock.scripts.runs import run_folder
+
+
+class Recording(NamedTuple):
+    """Frames with what is known of them."""
+
+    frames: Iterator[Frame]
+    calibration: Calibration | None
+    """None where the recording tells none."""
+    board: BoardGeometry
+
+
+def open_(
+    source: Path, *, times: Path | None, calibration: Path | None, board: str | None
+) -> Recording:
+    """Open a recording.
+
+    Args:
+        source: run folder, or video file.
+        times: the time stamps of a video.
+        calibration: of a video's camera; in place of that of a run folder.
+        board: kind of board; else that of the run, or the standard one.
+
+    Raises:
+        ConfigError: something is missing or cannot be read.
+    """
+    known = boards.prints()
+    if board is not None and board not in known:
+        raise ConfigError(f"board '{board}' is unknown; use {', '.join(known)}")
+    geometry = known[board].geometry if board else boards.standard()
+    given = camera_file.read(calibration) if calibration else None
+    if source.is_dir():
+        if times:
+            raise ConfigError("a run folder has its own time stamps; leave --times out")
+        told = run_folder.configuration(source)
+        if board is None:
+            geometry = _plain(BoardGeometry, told["board"], source)
+        own = _plain(Calibration, told["calibration"], source)
+        rows = run_folder.read(source, "frames").to_pylist()
+        if not any(row["tip_jpeg"] for row in rows):
+            raise ConfigError(f"the run in {source} has no pictures; run it with --vision markers")
+        return Recording(_frames(rows), given or own, geometry)
+    if times is None:
+        raise ConfigError(f"{source} needs its time stamps; give a CSV file with --times")
+    return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry)
+
+
+def _plain(kind: Any, values: Any, source: Path) -> Any:
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValueError:
+        raise ConfigError(
+            f"{source / 'run.toml'} is of another version; record the run again"
+        ) from None
+
+
+def _frames(rows: list[dict[str, Any]]) -> Iterator[Frame]:
+    for row in rows:
+        data = row["tip_jpeg"]
+        yield Frame(
+            image=run_folder.decode(data) if data else None,
+            t_capture=row["t_capture"],
+            t_available=row["t_available"],
+            seq=row["seq"],
+            dropped=row["dropped"],
+            repeated=row["repeated"],
+        )

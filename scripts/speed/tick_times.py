@@ -1,0 +1,69 @@
+"""What one tick of each law costs, in the loop on the surrogate."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from endolock.control import loop, registry
+from endolock.control.loop import Controller
+from endolock.hw.api import Command, State, Vector
+from endolock.scripts.runs import rigs
+from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.instrument import Instrument
+from endolock.vision.observation import Observation
+from endolock.vision.truth import TruthEyes
+
+DURATION_S = 40.0
+"""Long enough for what is identified on the way [s]."""
+STROKE_S = 8.6
+"""Period of `straight` [s]."""
+
+
+class Timed:
+    """A law whose ticks are timed.
+
+    Args:
+        law: the law.
+    """
+
+    def __init__(self, law: Controller) -> None:
+        self._law = law
+        self.taken: list[float] = []
+        """Time of each tick [s]."""
+
+    def reset(self, state: State) -> None:
+        """Start afresh."""
+        self._law.reset(state)
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Take in one tick."""
+        start = time.perf_counter()
+        command = self._law.update(t, state, observation)
+        self.taken.append(time.perf_counter() - start)
+        return command
+
+
+def mean() -> dict[str, float]:
+    """Mean time of a tick of each law [ms]."""
+    return {name: 1e3 * float(taken.mean()) for name, taken in _taken().items()}
+
+
+def p99() -> dict[str, float]:
+    """Time that 99 of 100 ticks stay below, of each law [ms]."""
+    return {name: 1e3 * float(np.percentile(taken, 99)) for name, taken in _taken().items()}
+
+
+@lru_cache(maxsize=1)
+def _taken() -> dict[str, Vector]:
+    plays = rigs.plays_of(Instrument(), 180.0)
+    result = {}
+    for name in registry.LAWS:
+        settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})
+        with SurrogateRig("straight", transmission=plays) as rig:
+            law = Timed(registry.make(name, rig.camera.calibration, settings, rig.truth))
+            loop.run(rig, TruthEyes(rig.truth), law, duration_s=DURATION_S)
+        result[name] = np.array(law.taken)
+    return result

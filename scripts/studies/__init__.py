@@ -1,0 +1,1 @@
+"""The studies behind the tables and figures in docs/."""

@@ -1,0 +1,72 @@
+"""What each mechanism of the predictive lock buys: the law with one of them taken away at a time.
+
+./run python -m endolock.scripts.studies.ablation prints the table of docs/predictive.md; about a
+minute.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from endolock.scripts import cli
+from endolock.scripts.commands import run
+from endolock.scripts.runs import batch, output
+from endolock.scripts.runs.batch import Done
+
+NEVER = "law.identify_every_s=1e9"
+WITHOUT: dict[str, tuple[str, tuple[str, ...]]] = {
+    "all of it": ("predictive_bank", ()),
+    "harmonic predictor": ("predictive_bank", ("law.harmonic=false",)),
+    "bank: one quick predictor": ("predictive", ()),
+    "identification, and so prediction": ("predictive_bank", (NEVER,)),
+    "capstan model": ("predictive_bank", ("law.capstan=false",)),
+    "damped renewal of the weights": ("predictive_bank", ("law.damping=1.0",)),
+    "reference play": ("predictive_bank", ("law.reversal_rad=0.0",)),
+    "trust by handle speed": ("predictive_bank", ("law.latency_uncertainty_s=0.0",)),
+    "caution": ("predictive_bank", ("law.busy_per_s=1e9",)),
+}
+CASES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "straight": ("straight", ()),
+    "circle": ("circle", ()),
+    "triangle": ("triangle", ()),
+    "random": ("random", ()),
+    "latency 30 % off": ("straight", ("latency_more",)),
+    "no hysteresis": ("straight", ("no_hysteresis",)),
+}
+
+
+def table() -> str:
+    """Measure and lay out, as Markdown."""
+    asked = [
+        run.Request(
+            scenario=scenario,
+            controller=law,
+            vision="truth",
+            vary=(*changes, *more, "camera.truth_noise_px=0.3"),
+            duration_s=100.0,
+            scored_from_s=50.0,
+        )
+        for law, changes in WITHOUT.values()
+        for scenario, more in CASES.values()
+    ]
+    done = batch.all_of(asked)
+    count = len(CASES)
+    rows = [
+        [name, *(_cell(one) for one in done[n * count :][:count])] for n, name in enumerate(WITHOUT)
+    ]
+    return output.markdown(["without, rms px", *CASES], rows)
+
+
+def _cell(one: Done) -> str:
+    lost = one.record["lost_fraction"]
+    return f"{one.rms:.1f}" + (" (lost)" if lost > 0.01 else "")
+
+
+def main(_args: list[str]) -> int:
+    """Print the table."""
+    print(table())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(cli.guarded(main, sys.argv[1:]))

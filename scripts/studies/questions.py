@@ -1,0 +1,95 @@
+"""The open questions of the thesis, answered on the twin: docs/control.md's tables and figures.
+
+./run python -m endolock.scripts.studies.questions NAME measures one again, prints its table and
+draws its figure into the present folder.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from endolock.hw.api import ConfigError
+from endolock.scripts import cli
+from endolock.scripts.commands import run
+
+COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
+NO_FRICTION = ("no_hysteresis",)
+DURATION_S, SCORED_FROM_S = 45.0, 17.2
+"""Two whole strokes to settle, then more than three."""
+
+
+class Answer(NamedTuple):
+    """What was found."""
+
+    table: str
+    """Markdown."""
+    draw: Callable[[Any], None]
+    """Into one panel of matplotlib."""
+
+
+def request(scenario: str, law: str, *changes: str) -> run.Request:
+    """Ask for one run of a question."""
+    return run.Request(
+        scenario=scenario,
+        controller=law,
+        vision="truth",
+        vary=changes,
+        duration_s=DURATION_S,
+        scored_from_s=SCORED_FROM_S,
+        force=True,
+    )
+
+
+def questions() -> dict[str, Callable[[], Answer]]:
+    """All questions by name."""
+    from endolock.scripts.studies import (  # they need this
+        linear_questions,
+        loop_questions,
+        near_questions,
+    )
+
+    return {
+        "process": linear_questions.process,
+        "limit_cycle": linear_questions.limit_cycle,
+        "relative": near_questions.relative,
+        "integral": near_questions.integral,
+        "aiming": near_questions.aiming,
+        "roughness": loop_questions.roughness,
+        "circles": loop_questions.circles,
+        "push": loop_questions.after_a_push,
+        "latency": loop_questions.latency,
+    }
+
+
+def save(answer: Answer, path: Path) -> None:
+    """Draw the figure of an answer."""
+    from matplotlib.figure import Figure  # half a second to load
+
+    figure = Figure(figsize=(7, 4.0), layout="constrained")
+    panel = figure.subplots()
+    answer.draw(panel)
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(alpha=0.25)
+    _, names = panel.get_legend_handles_labels()
+    columns = 4 if len("".join(names)) < 50 else 2
+    figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+    figure.savefig(path, dpi=110)
+
+
+def main(args: list[str]) -> int:
+    """Answer one question."""
+    known = questions()
+    if len(args) != 1 or args[0] not in known:
+        raise ConfigError(f"name one question: {', '.join(known)}")
+    answer = known[args[0]]()
+    path = Path(f"{args[0]}.png")
+    save(answer, path)
+    print(f"{answer.table}\n{path}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(cli.guarded(main, sys.argv[1:]))

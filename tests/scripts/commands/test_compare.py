@@ -1,0 +1,97 @@
+"""`endolock compare` and `endolock run --dry-run`: rows, figure, sources, and what is refused."""
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+
+from endolock.scripts import cli
+from endolock.scripts.commands import compare, run
+from endolock.scripts.runs import dry_run
+
+QUICK = ["compare", "--vision", "truth", "--duration-s", "1.5"]
+
+
+def test_every_law_meets_every_scenario_seed_and_latency(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "all"
+    args = [*QUICK, "--scenarios", "straight", "rest", "--controllers", "pi", "ik"]
+    args += ["--seeds", "2", "--latencies", "0.1", "0.2", "--out", str(out), "--json", "-"]
+    assert cli.main(args) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    cases = [(r["scenario"], r["controller"], r["latency_s"], r["seed"]) for r in rows]
+    assert len(set(cases)) == len(rows) == 2 * 2 * 2 * 2
+    assert len([folder for folder in out.iterdir() if (folder / "metrics.json").exists()]) == 16
+    picture = cv2.imread(str(out / "errors.png"))
+    assert picture is not None
+    assert picture.std() > 10  # something is drawn
+
+
+def test_the_figure_shows_the_metric(tmp_path: Path) -> None:
+    request = run.Request(scenario="straight", vision="truth", duration_s=2.0, out=tmp_path / "run")
+    record, folder = run.perform(request, show_progress=False)
+    t, error = compare.error_over_time(folder)
+    assert t[0] == 0
+    assert max(error) == pytest.approx(record["error_px"]["max"])
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--controllers", "pi", "pid"], "controller 'pid' is unknown; use ik, ik_sync, oracle"),
+        (["--scenarios", "rest", "roast"], "scenario 'roast' is unknown; use breathing"),
+        (["--latencies", "0.1", "-0.1"], "camera.latency_s: should be greater than or equal to 0"),
+        (["--seeds", "0"], "seeds 0; use 1 or more"),
+        (["--controllers", "pi", "pi"], "two runs are the same; name every scenario, law and"),
+        (["--controllers"], "no controllers given; name at least one after --controllers"),
+        (["--out", "."], ". is not an empty folder; give a new one with --out"),
+    ],
+)
+def test_all_is_checked_before_the_first_run(
+    args: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "mine.txt").write_text("precious")
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*QUICK, *args]) == 2
+    said = capsys.readouterr()
+    assert message in said.err
+    assert said.err.count("\n") == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_dry_run_tells_where_each_value_comes_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    args = ["run", "straight", "--latency-s", "0.25", "--seed", "3", "--dry-run", "--json", "-"]
+    assert cli.main(args) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["scenario.camera.latency_s"] == {"value": 0.25, "source": "option"}
+    assert told["scenario.motion.0.travel_m"] == {"value": 0.13, "source": "file"}
+    assert told["scenario.camera.jitter_s"] == {"value": 0.0, "source": "default"}
+    assert told["run.seed"] == {"value": 3, "source": "option"}
+    assert told["run.controller"] == {"value": "pi", "source": "default"}
+    assert told["instrument.conduit_friction"] == {"value": 0.16, "source": "default"}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_dry_run_of_nonsense_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["run", "straight", "--duration-s", "-1", "--dry-run"]) == 2
+    assert "duration_s: should be greater than 0" in capsys.readouterr().err
+
+
+def test_a_dry_run_says_what_the_run_folder_will_say(tmp_path: Path) -> None:
+    request = run.Request(scenario="circle", vision="truth", duration_s=0.1, out=tmp_path / "r")
+    told = dry_run.resolved(request)
+    assert told["scenario.duration_s"] == (0.1, "option")
+    _, folder = run.perform(request, show_progress=False)
+    text = (folder / "run.toml").read_text()
+    for key in ("scenario.shaft_bend_deg", "instrument.slack_m", "numerics.hinges"):
+        name = key.rsplit(".", 1)[1]
+        assert f"{name} = {told[key][0]}" in text

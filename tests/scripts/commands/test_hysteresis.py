@@ -1,0 +1,189 @@
+"""`endolock hysteresis`: what it says of the instruments, what it leaves, what it refuses."""
+
+import json
+import re
+import signal
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import pytest
+
+from endolock.hw.api import ConfigError, Mode, Pose
+from endolock.scripts import cli
+from endolock.scripts.commands import hysteresis
+from endolock.scripts.commands.hysteresis import Request
+from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.hysteresis_protocol import Protocol
+from endolock.twin.pose_tracker import TwinTracker
+from endolock.twin.rig import TwinRig
+from endolock.twin.world import instrument_files
+
+
+def _measured(**options: Any) -> dict[str, Any]:
+    return hysteresis.perform(Request(**options), show_progress=False)
+
+
+def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft() -> None:
+    half = _measured()
+    straight, whole = (_measured(shaft_deg=deg, numerics="fast") for deg in (0.0, 360.0))
+    assert 0.18 <= half["width"]["30"] <= 0.22  # w = 0.2 has one digit in the excerpt
+    assert straight["width"]["30"] < half["width"]["30"] < whole["width"]["30"]
+    assert half["deadband_rad"] == 0.0
+    assert half["drift_deg_per_min"] < 0.5  # creep of the soft friction rows
+    assert half["max_bend_deg"] > 90
+    # what the thesis saw: the turn far out loses more than the one at the centre
+    for side in ("positive", "negative"):
+        ways = half["strokes"][side]
+        assert ways["back"]["90"] > ways["back"]["30"] > ways["out"]["30"]
+        # a whole turn at a bend is the loop's width there; 3 %: carried back from 8 deg on
+        assert ways["back"]["60"] == pytest.approx(half["width"]["60"], rel=0.03)
+
+
+@pytest.mark.parametrize("axis", ["up_down", "left_right"])
+def test_the_other_axis_widens_the_loop(axis: Any) -> None:
+    alone, beside = (
+        _measured(axis=axis, other_axis_deg=deg, numerics="fast") for deg in (0.0, 60.0)
+    )
+    assert beside["other_axis_deg"] == pytest.approx(60, abs=2)  # found by turning slowly
+    assert beside["width"]["30"] > 1.15 * alone["width"]["30"]
+
+
+def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
+    slack = instrument_files.load("slack")
+    right = pytest.approx(2 * slack.slack_m / slack.pulley_radius_m, rel=0.1)
+    assert _measured(instrument="slack", numerics="fast")["deadband_rad"] == right
+    assert (
+        _measured(instrument="two_region", shaft_deg=0.0, numerics="fast")["deadband_rad"] == right
+    )
+    assert _measured(instrument="two_region", numerics="fast")["deadband_rad"] == 0.0
+
+
+def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes() -> None:
+    record = _measured(shaft_deg=540.0, numerics="fast")
+    assert record["width"]["30"] > 0.3  # the loop is told all the same
+    for ways in record["strokes"].values():
+        assert ways["back"]["30"] is None
+        assert ways["out"]["30"] is None
+
+
+def test_half_the_speed_changes_no_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = _measured(numerics="fast")["width"]
+    monkeypatch.setattr("endolock.scripts.runs.hysteresis_protocol.SPEED_RAD_S", 0.1)
+    slower = _measured(numerics="fast")["width"]
+    assert usual == pytest.approx(slower, rel=0.02)  # quasi-static; noise of the tracker is 0.5 %
+
+
+def test_a_folder_holds_log_figures_and_picture(tmp_path: Path) -> None:
+    out, told = tmp_path / "run", tmp_path / "told.json"
+    args = ["hysteresis", "--numerics", "fast", "--out", str(out), "--json", str(told)]
+    assert cli.main(args) == 0
+    record = json.loads(told.read_text())
+    assert record == json.loads((out / "hysteresis.json").read_text())
+    ticks = run_folder.read(out, "ticks").to_pylist()
+    assert sum(row["tracked_pose"] is not None for row in ticks) > 0.99 * len(ticks)
+    assert all(row["bend_rad"] is None for row in ticks)  # a log holds nothing a bench has not
+    handles = [row["position_rad"][0] for row in ticks]
+    assert max(handles) == pytest.approx(record["crest_rad"], abs=0.02)  # servo lag, 2 ticks
+    configuration = run_folder.configuration(out)
+    assert configuration["scenario"]["shaft_bend_deg"] == 180.0
+    assert configuration["versions"]["mujoco"] == mujoco.__version__
+    picture = cv2.imread(str(out / "hysteresis.png"))
+    assert picture is not None
+    assert picture.shape[1] > 1000
+
+
+def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With few points; an other axis that does not bend so far leaves a row without figures."""
+    monkeypatch.setattr(hysteresis, "MAP_OTHER_DEG", (0, 40, 170))
+    monkeypatch.setattr(hysteresis, "MAP_SHAFT_DEG", (0, 180))
+    record = _measured(numerics="fast", map=True)
+    near, beside, beyond = record["map"]["width"]
+    assert all(a < b for a, b in zip(near[:5], beside[:5], strict=True))
+    assert set(beyond) == {None}
+    record["shaft_map"]["deadband_rad"][0] = None  # as where a loop could not be taken
+    straight, bent = record["shaft_map"]["width_at_30"]
+    assert straight < bent
+    from endolock.scripts.figures import hysteresis_figure
+
+    assert hysteresis_figure.draw(record, tmp_path / "maps.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--axis", "roll"], "axis"),
+        (["--other-axis-deg", "170"], "left_right bends to 1.. deg at most, not to 170; use a sm"),
+        (["--other-axis-deg", "nan"], "--other-axis-deg nan; use a number of degrees, such as 60"),
+        (["--shaft-deg", "2000"], "shaft_bend_deg: should be less than or equal to 1080"),
+        (["--instrument", "oboe"], "instrument 'oboe' is unknown"),
+        (["--rig", "car"], "rig 'car' is unknown; use twin"),
+        (["--noise-deg", "-1"], "tracker.rotation_noise_deg: should be greater than or equal to 0"),
+    ],
+)
+def test_bad_input_gives_one_line_and_leaves_nothing(
+    args: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert cli.main(["hysteresis", *args, "--out", str(out)]) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("endolock:")]
+    assert len(said) == 1
+    assert re.search(message, said[0])
+    assert not out.exists()
+
+
+def test_a_rig_without_a_tracker_is_refused() -> None:
+    with TwinRig("rest", pictures=False) as rig, pytest.raises(ConfigError, match="no pose tracke"):
+        Protocol(rig, 0)
+
+
+def test_a_tracker_that_sees_nothing_leaves_no_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blind(_tracker: TwinTracker) -> Pose | None:
+        return None
+
+    monkeypatch.setattr(TwinTracker, "latest", blind)
+    assert cli.main(["hysteresis", "--out", str(tmp_path / "run")]) == 2
+    assert "the pose tracker gave 0 poses in 1.0 s; see that" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def _bend_and_run(protocol: Protocol) -> None:
+    protocol.bend_other_axis(0.3)
+    protocol.run()
+
+
+@pytest.mark.parametrize("after_s", [2.0, 6.0])
+def test_an_interruption_leaves_the_handles_held(after_s: float) -> None:
+    """While the other axis is bent, and during the strokes."""
+
+    def interrupt(t: float) -> None:
+        if t >= after_s:
+            raise KeyboardInterrupt
+
+    watched = hysteresis.scenario_for(180.0, 0.05)
+    with TwinRig(watched, pictures=False) as rig:
+        protocol = Protocol(rig, 0, interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            _bend_and_run(protocol)
+        assert rig.actuators.mode is Mode.HOLDING
+
+
+def test_ctrl_c_ends_with_130_and_a_readable_log(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    measure, seen = TwinTracker.measure, []
+
+    def interrupt(tracker: TwinTracker) -> None:
+        measure(tracker)
+        seen.append(1)
+        if len(seen) == 500:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(TwinTracker, "measure", interrupt)
+    out = tmp_path / "run"
+    assert cli.main(["hysteresis", "--out", str(out)]) == 130
+    assert run_folder.read(out, "ticks").num_rows > 100
+    assert not (out / "hysteresis.json").exists()
