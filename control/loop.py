@@ -121,7 +121,7 @@ def check_period(clock: Clock, period_s: float) -> None:
         ConfigError: they do not.
     """
     if not 0 < period_s < inf:
-        raise ConfigError(f"control period {period_s:g} s; use more than 0, such as {PERIOD_S}")
+        raise ConfigError(f"control period {period_s:g} s", f"use more than 0, such as {PERIOD_S}")
     if not clock.timestep_s:
         return
     steps = period_s / clock.timestep_s
@@ -130,7 +130,8 @@ def check_period(clock: Clock, period_s: float) -> None:
         near = [f"{n * clock.timestep_s:g}" for n in (below, below + 1) if n]
         raise ConfigError(
             f"control period {period_s:g} s is not a multiple of the physics timestep "
-            f"{clock.timestep_s:g} s; use {' or '.join(near)}"
+            f"{clock.timestep_s:g} s",
+            f"use {' or '.join(near)}",
         )
 
 
@@ -166,7 +167,7 @@ def run(
         HardwareError: the handles stopped; rows up to there are with the recorder.
     """
     if not duration_s > 0:
-        raise ConfigError(f"duration {duration_s:g} s; use more than 0")
+        raise ConfigError(f"duration {duration_s:g} s", "use more than 0")
     check_period(rig.clock, period_s)
     result = Run()
     actuators, tracker, truth = rig.actuators, rig.tracker, rig.truth

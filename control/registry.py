@@ -67,7 +67,7 @@ def check(name: str) -> None:
         near = get_close_matches(name, LAWS, 1)
         hint = f"; did you mean {near[0]}?" if near else ""
         known = ", ".join(sorted(LAWS))
-        raise ConfigError(f"controller '{name}' is unknown; use {known} or a .py file{hint}")
+        raise ConfigError(f"controller '{name}' is unknown", f"use {known} or a .py file{hint}")
 
 
 def configure(
@@ -87,7 +87,7 @@ def configure(
     check(name)
     if name.endswith(user_law.SUFFIX):
         if changes:
-            raise ConfigError(f"{name} is a law of your own; set its parameters in the file")
+            raise ConfigError(f"{name} is a law of your own", "set its parameters in the file")
         return None
     settings = LAWS[name].settings
     names = [field.name for field in fields(settings)]
@@ -96,7 +96,7 @@ def configure(
             near = get_close_matches(key, names, 1)
             hint = f"; did you mean law.{near[0]}?" if near else ""
             choice = f"it has {', '.join(sorted(names))}" if names else "nothing of it can be set"
-            raise ConfigError(f"{name} has no law.{key}; {choice}{hint}")
+            raise ConfigError(f"{name} has no law.{key}", f"{choice}{hint}")
     values = {k: v for k, v in (known or {}).items() if k in names} | dict(changes or {})
     try:
         return TypeAdapter(settings).validate_python(values)
@@ -107,7 +107,7 @@ def configure(
         key = ".".join(str(part) for part in first["loc"]) or "settings"
         if first["type"] == "missing":
             raise ConfigError(
-                f"{name} needs law.{key}; give it with --vary law.{key}=..."
+                f"{name} needs law.{key}", f"give it with --vary law.{key}=..."
             ) from None
         raise ConfigError(f"{name}: law.{key}: {first['msg']}, got {first['input']!r}") from None
 
@@ -131,7 +131,9 @@ def make(
     settings = configure(name) if settings is None else settings
     if LAWS[name].make is Oracle:
         if truth is None:
-            raise ConfigError("the oracle needs the truth, which only a twin has; use another law")
+            raise ConfigError(
+                "the oracle needs the truth, which only a twin has", "use another law"
+            )
         return Oracle(calibration, settings, truth.now)
     return LAWS[name].make(calibration, settings)
 

@@ -38,7 +38,8 @@ class PlugIn:
             if not callable(getattr(self._law, method, None)):
                 raise ConfigError(
                     f"{self._file}: make returned {type(self._law).__name__}, which has no "
-                    f"{method}(); return a law with reset(state) and update(t, state, observation)"
+                    f"{method}()",
+                    "return a law with reset(state) and update(t, state, observation)",
                 )
 
     def reset(self, state: State) -> None:
@@ -54,8 +55,8 @@ class PlugIn:
         command = self._safely("update", self._law.update, t, state, observation)
         if not isinstance(command, Command):
             raise ConfigError(
-                f"{self._file}: update returned {type(command).__name__} at {t:.2f} s; return "
-                "endolock.hw.api.Command(position=(up_down, left_right)) every time"
+                f"{self._file}: update returned {type(command).__name__} at {t:.2f} s",
+                "return endolock.hw.api.Command(position=(up_down, left_right)) every time",
             )
         try:
             position = [float(p) for p in command.position]
@@ -63,8 +64,8 @@ class PlugIn:
             position = []
         if len(position) != len(AXES) or not all(isfinite(p) for p in position):
             raise ConfigError(
-                f"{self._file}: update returned the position {command.position!r} at {t:.2f} s; "
-                "return two finite angles in rad, (up_down, left_right)"
+                f"{self._file}: update returned the position {command.position!r} at {t:.2f} s",
+                "return two finite angles in rad, (up_down, left_right)",
             )
         return command
 
@@ -82,14 +83,14 @@ def load(file: str) -> Callable[..., Any]:
         ConfigError: it cannot be read or run, or defines none.
     """
     if not Path(file).is_file():
-        raise ConfigError(f"controller {file}: there is no such file; check the path")
+        raise ConfigError(f"controller {file}: there is no such file", "check the path")
     try:
         names = runpy.run_path(file)
     except Exception as error:  # whatever stands in the file
         raise ConfigError(f"{Path(file).name}: cannot be run: {_said(error)}") from error
     if not callable(names.get("make")):
         raise ConfigError(
-            f"{Path(file).name}: defines no make(calibration); let it return your law"
+            f"{Path(file).name}: defines no make(calibration)", "let it return your law"
         )
     make: Callable[..., Any] = names["make"]
     return make

@@ -53,7 +53,7 @@ def read(kind: str, folder: str, source: str) -> tuple[dict[str, Any], str]:
     try:
         return tomllib.loads(text), name
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{kind} {source} is not TOML: {error}; correct the file") from None
+        raise ConfigError(f"{kind} {source} is not TOML: {error}", "correct the file") from None
 
 
 def first_problem(
@@ -115,7 +115,9 @@ def _text(kind: str, folder: str, source: str) -> tuple[str, str]:
             return path.read_text(encoding="utf-8-sig"), path.stem
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-            raise ConfigError(f"cannot read {kind} {source}: {reason}; check the path") from None
+            raise ConfigError(f"cannot read {kind} {source}: {reason}", "check the path") from None
     near = get_close_matches(source, known, 1)
     hint = f"; did you mean {near[0]}?" if near else ""
-    raise ConfigError(f"{kind} '{source}' is unknown; use {', '.join(known)} or a .toml file{hint}")
+    raise ConfigError(
+        f"{kind} '{source}' is unknown", f"use {', '.join(known)} or a .toml file{hint}"
+    )

@@ -127,8 +127,8 @@ class Guard:
             raise
         if not reading.fresh:  # nothing was sent, so there is nothing to latch
             raise LinkLost(
-                "the handles do not answer, so enabling could make them jump; check cable and "
-                "power, then enable() again",
+                "the handles do not answer, so enabling could make them jump",
+                "check cable and power, then enable() again",
                 t=now,
             )
         self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
@@ -237,15 +237,15 @@ class Guard:
         for axis, value in zip(self.axes, position, strict=True):
             if not isfinite(value):
                 raise CommandError(
-                    f"command for {axis} is {value}; give a finite angle in rad "
-                    "(the previous goal stays)",
+                    f"command for {axis} is {value}",
+                    "give a finite angle in rad (the previous goal stays)",
                     t=now,
                     axis=axis,
                 )
         if not 0 < command.valid_for < inf:
             raise CommandError(
-                f"command is valid for {command.valid_for} s; give a finite time of more than 0 "
-                "(the previous goal stays)",
+                f"command is valid for {command.valid_for} s",
+                "give a finite time of more than 0 (the previous goal stays)",
                 t=now,
             )
         self._asked = position
@@ -282,7 +282,7 @@ class Guard:
         elif self._unanswered > 1 and now - self._fresh_at > self._settings.max_age_s:
             who = " and ".join(reading.silent) or "the handles"
             raise LinkLost(
-                f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen; "
+                f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen",
                 "check cable and power, then clear_fault() and enable()",
                 t=now,
                 axis=reading.silent[0] if reading.silent else None,
@@ -302,7 +302,8 @@ class Guard:
             )
             raise LinkLost(
                 f"no goal reached {axis} for {now - self._taken_at:.3f} s, though it answers; the "
-                "goal is frozen; check the cable, then clear_fault() and enable()",
+                "goal is frozen",
+                "check the cable, then clear_fault() and enable()",
                 t=now,
                 axis=axis,
             )
@@ -320,8 +321,8 @@ class Guard:
             elif now - since > settings.following_time_s:
                 raise DeviceFault(
                     f"handle {axis} is {error:+.2f} rad from its goal for more than "
-                    f"{settings.following_time_s:g} s; the goal is frozen where it stands; free "
-                    "the handle, then clear_fault() and enable()",
+                    f"{settings.following_time_s:g} s; the goal is frozen where it stands",
+                    "free the handle, then clear_fault() and enable()",
                     kind="following",
                     t=now,
                     axis=axis,

@@ -113,8 +113,8 @@ def _dispatch(args: list[str]) -> int:
         if not endolock.opengl():
             raise
         raise ConfigError(
-            f"MuJoCo cannot load OpenGL with MUJOCO_GL={endolock.opengl()} ({error}); "
-            "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it"
+            f"MuJoCo cannot load OpenGL with MUJOCO_GL={endolock.opengl()} ({error})",
+            "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it",
         ) from error
     commands: Any = (
         Annotated[run.Request, tyro.conf.subcommand("run")]

@@ -93,7 +93,7 @@ class TwinRig:
         overview: bool = False,
     ) -> None:
         if seed < 0:
-            raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
+            raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
         self.scenario = load(scenario)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
@@ -164,7 +164,7 @@ class TwinRig:
         x, y, _ = (start - start[2] / way[2] * way).tolist() if way[2] > 0 else (inf, inf, 0)
         if not max(abs(x), abs(y)) <= self.board.size_m / 2:
             u, v = pixel
-            raise ConfigError(f"at pixel {u:g},{v:g} there is no board; select a part of it")
+            raise ConfigError(f"at pixel {u:g},{v:g} there is no board", "select a part of it")
         self.board = replace(self.board, target=(x, y))
         self.truth.target = (x, y, 0.0)
 

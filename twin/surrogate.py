@@ -318,8 +318,8 @@ def _check(scenario: Scenario) -> None:
     for what in ("shaft", "push", "tracker"):
         if getattr(scenario, what):
             raise ConfigError(
-                f"scenario {scenario.name} has [{what}], which a rig without physics does not "
-                "know; use --rig twin"
+                f"scenario {scenario.name} has [{what}], which a rig without physics does not know",
+                "use --rig twin",
             )
 
 

@@ -53,7 +53,8 @@ def calibrate(
     if len(useful) < MIN_VIEWS:
         raise ConfigError(
             f"the board is seen with {MIN_CORNERS // 4} markers or more in {len(useful)} pictures, "
-            f"{MIN_VIEWS} needed; record a longer sequence, nearer, in better light"
+            f"{MIN_VIEWS} needed",
+            "record a longer sequence, nearer, in better light",
         )
     count = min(len(useful), MAX_VIEWS)
     chosen = [useful[n] for n in np.linspace(0, len(useful) - 1, count).round().astype(int)]
@@ -73,8 +74,8 @@ def calibrate(
     )
     if not rms <= MAX_RMS_PX:
         raise ConfigError(
-            f"calibration leaves {rms:.2f} px rms, {MAX_RMS_PX} allowed; is it a {projection} "
-            "camera, and the board printed at 100 %?"
+            f"calibration leaves {rms:.2f} px rms, {MAX_RMS_PX} allowed",
+            f"is it a {projection} camera, and the board printed at 100 %?",
         )
     try:
         tilt = _spread(found, points, pixels)
@@ -82,8 +83,8 @@ def calibrate(
         tilt = 0.0
     if tilt < MIN_TILT_DEG:
         raise ConfigError(
-            f"the board is seen within {tilt:.0f} deg of one direction, {MIN_TILT_DEG:.0f} needed; "
-            "record it from more sides"
+            f"the board is seen within {tilt:.0f} deg of one direction, {MIN_TILT_DEG:.0f} needed",
+            "record it from more sides",
         )
     return found
 
@@ -111,8 +112,8 @@ def _solve(
     except cv2.error as error:
         said = " ".join(str(error).split()[:12])
         raise ConfigError(
-            f"OpenCV finds no {projection} camera in these pictures ({said}); record the board "
-            "from more sides"
+            f"OpenCV finds no {projection} camera in these pictures ({said})",
+            "record the board from more sides",
         ) from None
     return float(rms), np.asarray(matrix, np.float64), np.asarray(distortion, np.float64).ravel()
 

@@ -102,7 +102,7 @@ class TrackEyes:
             if self._selection is None:
                 return str(error)
             text = ",".join(str(n) for n in self._selection)
-            raise ConfigError(f"--select {text}: {error}; select another rectangle") from None
+            raise ConfigError(f"--select {text}: {error}", "select another rectangle") from None
         if self._selection is not None and not isinstance(fit, str):
             self._markers.target = fit.pose.under(camera_model.ray(self._calibration, centre))
         return ""
@@ -118,13 +118,14 @@ def check(selection: Selection, calibration: Calibration) -> None:
     text = ",".join(str(n) for n in selection)
     if min(width, height) < SMALLEST_PX:
         raise ConfigError(
-            f"--select {text}: {width}x{height} px is too small to follow; use {SMALLEST_PX} px "
-            "or more each way"
+            f"--select {text}: {width}x{height} px is too small to follow",
+            f"use {SMALLEST_PX} px or more each way",
         )
     corners = [(left, top), (left + width - 1, top + height - 1)]
     corners += [(left + width - 1, top), (left, top + height - 1)]
     if not all(camera_model.in_picture(calibration, (u, v)) for u, v in corners):
         raise ConfigError(
             f"--select {text} reaches beyond the picture of {calibration.width}x"
-            f"{calibration.height} px; give x,y,width,height within it"
+            f"{calibration.height} px",
+            "give x,y,width,height within it",
         )

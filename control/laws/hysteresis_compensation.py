@@ -63,7 +63,8 @@ class CompensationSettings:
         if not (good and all(isfinite(n) for n in numbers)):
             raise ConfigError(
                 f"compensation: width {self.width:g}, switch_off_rad_s {self.switch_off_rad_s:g}, "
-                f"smallest other number {least:g}; use 0 or more, and more than 0"
+                f"smallest other number {least:g}",
+                "use 0 or more, and more than 0",
             )
 
 

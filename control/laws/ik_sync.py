@@ -34,7 +34,7 @@ class IKSyncSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0 < value < float("inf"):
-                raise ConfigError(f"ik_sync: {name} is {value:g}; use a finite number above 0")
+                raise ConfigError(f"ik_sync: {name} is {value:g}", "use a finite number above 0")
 
 
 @dataclass

@@ -38,7 +38,7 @@ class IKSettings:
         for name in ("target_distance_m", "bend_per_handle", "rate_per_s"):
             value = getattr(self, name)
             if not 0 < value < float("inf"):
-                raise ConfigError(f"ik: {name} is {value:g}; use a finite number above 0")
+                raise ConfigError(f"ik: {name} is {value:g}", "use a finite number above 0")
 
 
 @dataclass

@@ -43,7 +43,8 @@ class OracleSettings:
         if not (self.lead_s >= 0 and self.correct_s > 0 and self.reversal_rad >= 0):
             raise ConfigError(
                 f"oracle: lead_s {self.lead_s:g}, correct_s {self.correct_s:g}, reversal_rad "
-                f"{self.reversal_rad:g}; use 0 or more, and a correct_s above 0"
+                f"{self.reversal_rad:g}",
+                "use 0 or more, and a correct_s above 0",
             )
 
 

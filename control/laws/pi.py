@@ -39,7 +39,7 @@ class PISettings:
         for name in ("kp", "ki"):
             value = getattr(self, name)
             if not 0 <= value < float("inf"):
-                raise ConfigError(f"pi: {name} is {value:g}; use a finite number, 0 or more")
+                raise ConfigError(f"pi: {name} is {value:g}", "use a finite number, 0 or more")
 
 
 @dataclass

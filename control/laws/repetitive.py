@@ -46,7 +46,8 @@ class RepetitiveSettings:
         if not (0 < self.period_s < 1e4 and 0 < self.learning <= 1 and 8 <= self.points <= 4096):
             raise ConfigError(
                 f"repetitive: period_s {self.period_s:g}, learning {self.learning:g}, points "
-                f"{self.points}; use a period above 0, a share up to 1, 8 to 4096 points"
+                f"{self.points}",
+                "use a period above 0, a share up to 1, 8 to 4096 points",
             )
 
 

@@ -38,7 +38,7 @@ class SmithSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0 < value < float("inf"):
-                raise ConfigError(f"smith: {name} is {value:g}; use a finite number above 0")
+                raise ConfigError(f"smith: {name} is {value:g}", "use a finite number above 0")
 
 
 @dataclass

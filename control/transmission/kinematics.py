@@ -40,8 +40,8 @@ class SectionGeometry:
     def __post_init__(self) -> None:
         if not (self.bending_length_m > 0 and self.rigid_tip_m >= 0):
             raise ConfigError(
-                f"section of {self.bending_length_m:g} m with a tip of {self.rigid_tip_m:g} m; "
-                "use a length above 0 and a tip of 0 or more"
+                f"section of {self.bending_length_m:g} m with a tip of {self.rigid_tip_m:g} m",
+                "use a length above 0 and a tip of 0 or more",
             )
 
 

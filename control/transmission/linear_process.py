@@ -41,7 +41,8 @@ class Process:
         if not (0 < self.gain < float("inf") and self.lag_s >= 0 and 0 < self.dead_s < 60):
             raise ConfigError(
                 f"gain {self.gain:g}, lag {self.lag_s:g} s, dead time {self.dead_s:g} s are no "
-                "process; use a gain and a dead time above 0 and a lag of 0 or more"
+                "process",
+                "use a gain and a dead time above 0 and a lag of 0 or more",
             )
 
 

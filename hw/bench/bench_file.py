@@ -127,11 +127,11 @@ def load(path: Path | None = None) -> Bench:
         bench = Bench.model_validate(told)
     except OSError as error:
         raise ConfigError(
-            f"cannot read bench {path}: {error.strerror}; endolock doctor --port PORT --set-up "
-            "writes one"
+            f"cannot read bench {path}: {error.strerror}",
+            "endolock doctor --port PORT --set-up writes one",
         ) from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"bench {path} is not TOML: {error}; correct the file") from None
+        raise ConfigError(f"bench {path} is not TOML: {error}", "correct the file") from None
     except ValidationError as error:
         raise ConfigError(f"bench {path}: {files.first_problem(error, _keys)}") from None
     camera = bench.camera
@@ -152,7 +152,7 @@ def save(bench: Bench, path: Path) -> None:
         part.write_text(tomli_w.dumps(bench.model_dump(mode="json", exclude_none=True)), "utf-8")
         part.replace(path)
     except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}; give another folder") from None
+        raise ConfigError(f"cannot write {path}: {error.strerror}", "give another folder") from None
 
 
 def _keys(place: tuple[str, ...]) -> list[str]:

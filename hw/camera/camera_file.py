@@ -27,13 +27,14 @@ def read(path: Path) -> Calibration:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(
-            f"cannot read calibration {path}: {error}; make one with endolock calibrate"
+            f"cannot read calibration {path}: {error}", "make one with endolock calibrate"
         ) from None
     values = told.get("calibration", told)
     known = {field.name for field in fields(Calibration)}
     if unknown := set(values) - known:
         raise ConfigError(
-            f"calibration {path}: unknown key {min(unknown)}; known are {', '.join(sorted(known))}"
+            f"calibration {path}: unknown key {min(unknown)}",
+            f"known are {', '.join(sorted(known))}",
         )
     try:
         found = TypeAdapter(Calibration).validate_python(values)
@@ -58,4 +59,4 @@ def write(calibration: Calibration, path: Path) -> None:
         part.write_text(tomli_w.dumps(asdict(calibration)), encoding="utf-8")
         part.replace(path)
     except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}; give another file") from None
+        raise ConfigError(f"cannot write {path}: {error.strerror}", "give another file") from None

@@ -45,7 +45,7 @@ class PictureStream:
             self._server = ThreadingHTTPServer((HOST, port), Handler)
         except (OSError, OverflowError) as error:
             raise ConfigError(
-                f"cannot serve pictures on port {port}: {error}; use another"
+                f"cannot serve pictures on port {port}: {error}", "use another"
             ) from None
         self._server.daemon_threads = True
         self.address = f"http://{HOST}:{self._server.server_port}/"

@@ -86,7 +86,7 @@ def times(path: Path) -> list[tuple[float, float]]:
         early = "t_capture" if "t_capture" in first else late
         stamps = [(float(row[early]), float(row[late])) for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"cannot read {path}: {error}; give a CSV file") from None
+        raise ConfigError(f"cannot read {path}: {error}", "give a CSV file") from None
     except (KeyError, ValueError, TypeError):
         raise ConfigError(
             f"{path} needs columns t_capture, t_available or both, with a number of seconds in "
@@ -94,7 +94,7 @@ def times(path: Path) -> list[tuple[float, float]]:
         ) from None
     delivered = [stamp[1] for stamp in stamps]
     if delivered != sorted(delivered) or not all(isfinite(t) for s in stamps for t in s):
-        raise ConfigError(f"{path}: time runs backwards or is not finite; sort the rows")
+        raise ConfigError(f"{path}: time runs backwards or is not finite", "sort the rows")
     return stamps
 
 
@@ -110,7 +110,7 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
     reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         if not path.is_file() or not reader.isOpened():
-            raise ConfigError(f"cannot open {path} as a video; give a run folder or a video file")
+            raise ConfigError(f"cannot open {path} as a video", "give a run folder or a video file")
         before: Image | None = None
         for seq in count():
             image = _read(reader)
@@ -118,11 +118,11 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
                 return
             if seq >= len(stamps):
                 raise ConfigError(
-                    f"{path} has more than the {len(stamps)} frames that have time stamps; give "
-                    "one row a frame with --times"
+                    f"{path} has more than the {len(stamps)} frames that have time stamps",
+                    "give one row a frame with --times",
                 )
             if seq == 0 and image is None:
-                raise ConfigError(f"{path} holds no picture that can be decoded; record it again")
+                raise ConfigError(f"{path} holds no picture that can be decoded", "record it again")
             same = image is not None and before is not None and np.array_equal(image, before)
             early, late = stamps[seq]
             yield Frame(

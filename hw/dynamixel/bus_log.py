@@ -49,7 +49,7 @@ class BusLog:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except OSError as error:
             raise ConfigError(
-                f"cannot write {path}: {error.strerror}; give another folder with --out"
+                f"cannot write {path}: {error.strerror}", "give another folder with --out"
             ) from None
         os.write(self._fd, MAGIC)
 
@@ -65,8 +65,8 @@ class BusLog:
                 raise OSError(ENOSPC, os.strerror(ENOSPC))
         except OSError as error:
             raise ConfigError(
-                f"cannot write {self._path}: {error.strerror}; make room, or give another folder "
-                "with --out"
+                f"cannot write {self._path}: {error.strerror}",
+                "make room, or give another folder with --out",
             ) from None
 
     def close(self) -> None:
@@ -85,9 +85,9 @@ def read(path: Path) -> Iterator[Record]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}; give a run of a bus") from None
+        raise ConfigError(f"cannot read {path}: {error.strerror}", "give a run of a bus") from None
     if not data.startswith(MAGIC):
-        raise ConfigError(f"{path} is no log of a bus; give the bus.log of a run folder")
+        raise ConfigError(f"{path} is no log of a bus", "give the bus.log of a run folder")
     at = len(MAGIC)
     while at + _HEAD.size <= len(data):
         t, came_in, size = _HEAD.unpack_from(data, at)

@@ -197,22 +197,23 @@ if sys.platform == "linux":
             path = self._path
             if error.errno in (errno.ENOTTY, errno.EISDIR):
                 return ConfigError(
-                    f"{path} is no serial port ({error.strerror}); list them with endolock doctor"
+                    f"{path} is no serial port ({error.strerror})", "list them with endolock doctor"
                 )
             if error.errno in (errno.EAGAIN, errno.EBUSY):
                 return PortBusy(
-                    f"{path} is in use by another program; end that, then connect again", t=0.0
+                    f"{path} is in use by another program", "end that, then connect again", t=0.0
                 )
             if isinstance(error, PermissionError):
-                return ConfigError(f"no permission to open {path}; see endolock doctor")
+                return ConfigError(f"no permission to open {path}", "see endolock doctor")
             return PortGone(
-                f"{path} cannot be opened ({error.strerror}); plug it in, and see endolock doctor",
+                f"{path} cannot be opened ({error.strerror})",
+                "plug it in, and see endolock doctor",
                 t=0.0,
             )
 
         def _gone(self) -> PortGone:
             return PortGone(
-                f"{self._path} is gone; the motors hold where they are, by their own watchdog; "
+                f"{self._path} is gone; the motors hold where they are, by their own watchdog",
                 "plug it in again, then clear_fault() and enable()",
                 t=0.0,
             )

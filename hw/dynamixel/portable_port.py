@@ -10,7 +10,8 @@ try:
     import serial
 except ModuleNotFoundError:
     raise ConfigError(
-        "serial ports need pyserial on this system; install it with pip install 'endolock[serial]'"
+        "serial ports need pyserial on this system",
+        "install it with pip install 'endolock[serial]'",
     ) from None
 
 
@@ -37,15 +38,17 @@ class PortablePort:
             busy = "Access is denied" in said or "exclusively lock" in said
             if busy:
                 raise PortBusy(
-                    f"{self.name} is in use by another program; end that, then connect again",
+                    f"{self.name} is in use by another program",
+                    "end that, then connect again",
                     t=0.0,
                 ) from None
             if "Could not configure port" in said:
                 raise ConfigError(
-                    f"{self.name} is no serial port ({said}); list them with endolock doctor"
+                    f"{self.name} is no serial port ({said})", "list them with endolock doctor"
                 ) from None
             raise PortGone(
-                f"{self.name} cannot be opened ({said}); plug it in, and see endolock doctor",
+                f"{self.name} cannot be opened ({said})",
+                "plug it in, and see endolock doctor",
                 t=0.0,
             ) from None
 
@@ -88,7 +91,7 @@ class PortablePort:
 
     def _gone(self) -> PortGone:
         return PortGone(
-            f"{self.name} is gone; the motors hold where they are, by their own watchdog; plug it "
-            "in again, then clear_fault() and enable()",
+            f"{self.name} is gone; the motors hold where they are, by their own watchdog",
+            "plug it in again, then clear_fault() and enable()",
             t=0.0,
         )

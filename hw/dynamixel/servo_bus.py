@@ -248,8 +248,8 @@ class Bus:
                     why = Refusal(error).text if error in list(Refusal) else f"error {error}"
                     raise HardwareError(
                         f"handle motor {self._named(device)} refused to "
-                        f"{kind.name.lower()} {parameters.hex(' ')} ({why}); see its control table "
-                        "in hw/PROTOCOL.md",
+                        f"{kind.name.lower()} {parameters.hex(' ')} ({why})",
+                        "see its control table in hw/PROTOCOL.md",
                         t=self._clock.now(),
                         axis=self._names.get(device),
                     )
@@ -257,7 +257,8 @@ class Bus:
                     return data
         raise LinkLost(
             f"handle motor {self._named(device)} did not answer within {self._timeout_s:.3f} s on "
-            f"{self.port.name} ({TRIES} tries); check power and cable, then run endolock doctor",
+            f"{self.port.name} ({TRIES} tries)",
+            "check power and cable, then run endolock doctor",
             t=self._clock.now(),
             axis=self._names.get(device),
         )

@@ -187,7 +187,8 @@ class ServoDrive:
         if not all(fresh):
             raise LinkLost(
                 f"handle motor {self._name(fresh.index(False))} does not answer, so its zero is "
-                "not known; check cable and power, then home() again",
+                "not known",
+                "check cable and power, then home() again",
                 t=self.clock.now(),
                 axis=self.axes[fresh.index(False)],
             )
@@ -246,8 +247,8 @@ class ServoDrive:
         for place, block in enumerate(self._blocks):
             if block is None or not fresh[place]:
                 raise LinkLost(
-                    f"handle motor {self._name(place)} does not answer to a sync read; see that "
-                    "its status return level is 2, then connect again",
+                    f"handle motor {self._name(place)} does not answer to a sync read",
+                    "see that its status return level is 2, then connect again",
                     t=self.clock.now(),
                     axis=self.axes[place],
                 )
@@ -314,7 +315,8 @@ class ServoDrive:
             unknown = f"hardware error {block.hardware_error:#04x}", "see its maker's manual"
             kind, what, first = known[0] if known else ("reset", *unknown)
             raise DeviceFault(
-                f"handle motor {name} stopped: {what}; {first}, then clear_fault() and enable()",
+                f"handle motor {name} stopped: {what}",
+                f"{first}, then clear_fault() and enable()",
                 kind=kind,
                 t=now,
                 axis=axis,
@@ -322,8 +324,8 @@ class ServoDrive:
         if tripped:
             raise DeviceFault(
                 f"handle motor {name} stopped by itself: nothing was heard of us for "
-                f"{self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is; see what kept "
-                "the program, then clear_fault() and enable()",
+                f"{self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is",
+                "see what kept the program, then clear_fault() and enable()",
                 kind="watchdog",
                 t=now,
                 axis=axis,
@@ -333,8 +335,8 @@ class ServoDrive:
 
     def _still_on(self, place: int) -> LinkLost:
         return LinkLost(
-            f"handle motor {self._name(place)} has torque though it was switched off; see that no "
-            "other program drives it, then clear_fault()",
+            f"handle motor {self._name(place)} has torque though it was switched off",
+            "see that no other program drives it, then clear_fault()",
             t=self.clock.now(),
             axis=self.axes[place],
         )
@@ -353,8 +355,8 @@ class ServoDrive:
             if not restarted:
                 what = "was switched off by somebody else"
             raise DeviceFault(
-                f"handle motor {self._name(place)} {what}; check plug and supply, then "
-                "clear_fault() and enable()",
+                f"handle motor {self._name(place)} {what}",
+                "check plug and supply, then clear_fault() and enable()",
                 kind="reset",
                 t=self.clock.now(),
                 axis=self.axes[place],

@@ -59,7 +59,7 @@ def prepare(link: Link, clock: Clock, axis: str, handle: Handle, units: Units) -
     _, firmware = link.ping(device)
     if firmware < reg.OLDEST_FIRMWARE:
         raise StateError(
-            f"handle motor {device} ({axis}) has firmware {firmware}, without a bus watchdog; "
+            f"handle motor {device} ({axis}) has firmware {firmware}, without a bus watchdog",
             f"update it to {reg.OLDEST_FIRMWARE} or newer",
             t=clock.now(),
             axis=axis,
@@ -67,8 +67,8 @@ def prepare(link: Link, clock: Clock, axis: str, handle: Handle, units: Units) -
     if offset := link.read(device, reg.HOMING_OFFSET):
         raise StateError(
             f"handle motor {device} ({axis}) has a homing offset of {offset} counts, with which "
-            "its watchdog would let it creep; set it to 0 with endolock doctor --port PORT "
-            "--set-up, and its zero anew",
+            "its watchdog would let it creep",
+            "set it to 0 with endolock doctor --port PORT --set-up, and its zero anew",
             t=clock.now(),
             axis=axis,
         )
@@ -103,8 +103,8 @@ def await_restart(link: Link, clock: Clock, axis: str, device: int) -> None:
         except LinkLost as error:
             if clock.now() >= end:
                 raise LinkLost(
-                    f"handle motor {device} ({axis}) does not answer after its restart; check its "
-                    "power, then clear_fault() again",
+                    f"handle motor {device} ({axis}) does not answer after its restart",
+                    "check its power, then clear_fault() again",
                     t=clock.now(),
                     axis=axis,
                 ) from error

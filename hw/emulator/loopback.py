@@ -25,7 +25,7 @@ class Loopback:
     def open(self) -> None:
         """Get hold of the bus; see `Port.open`."""
         if not self.plugged:
-            raise PortGone("loopback cannot be opened; plug it in", t=0.0)
+            raise PortGone("loopback cannot be opened", "plug it in", t=0.0)
         self._coming.clear()
 
     def set_baud(self, baud: int) -> None:
@@ -50,4 +50,4 @@ class Loopback:
 
     def _check(self) -> None:
         if not self.plugged:
-            raise PortGone("loopback is gone; plug it in again, then clear_fault()", t=0.0)
+            raise PortGone("loopback is gone", "plug it in again, then clear_fault()", t=0.0)

@@ -114,7 +114,7 @@ class PtyLine:
     @staticmethod
     def _point(name: str, link: Path) -> None:
         if link.exists() and not link.is_symlink():
-            raise ConfigError(f"{link} exists and is no link; give another --link")
+            raise ConfigError(f"{link} exists and is no link", "give another --link")
         part = link.with_name(link.name + ".part")
         try:
             part.unlink(missing_ok=True)
@@ -122,7 +122,7 @@ class PtyLine:
             part.replace(link)
         except OSError as error:
             raise ConfigError(
-                f"cannot make the link {link}: {error.strerror}; give another --link"
+                f"cannot make the link {link}: {error.strerror}", "give another --link"
             ) from None
 
 

@@ -62,8 +62,9 @@ def parse(text: str) -> WireFault:
     except (TypeError, ValueError):
         pass
     raise ConfigError(
-        f"fault '{text}' is unknown; use {', '.join(BY_CHANCE)} as in flip=0.05, or "
-        f"{', '.join(ONCE)} as in reset:2@5 or silence@3+0.5"
+        f"fault '{text}' is unknown",
+        f"use {', '.join(BY_CHANCE)} as in flip=0.05, or "
+        f"{', '.join(ONCE)} as in reset:2@5 or silence@3+0.5",
     )
 
 

@@ -61,7 +61,7 @@ def main(request: Request) -> int:
         said = f"wrote {path}; print it at 100 % and measure its ruler"
     else:
         raise ConfigError(
-            "neither --out nor --play; give --out FILE.svg to print a board, or --play SCENARIO"
+            "neither --out nor --play", "give --out FILE.svg to print a board, or --play SCENARIO"
         )
     console.print(said, soft_wrap=True, highlight=False, markup=False)
     return 0
@@ -75,7 +75,7 @@ def find(kind: str) -> Print:
     """
     known = boards.prints()
     if kind not in known:
-        raise ConfigError(f"kind '{kind}' is unknown; use {', '.join(sorted(known))}")
+        raise ConfigError(f"kind '{kind}' is unknown", f"use {', '.join(sorted(known))}")
     return known[kind]
 
 
@@ -93,7 +93,8 @@ def page(scenario: Scenario, kind: str) -> str:
     if scenario.duration_s > LONGEST_S:
         raise ConfigError(
             f"scenario {scenario.name}: duration_s {scenario.duration_s:g} is longer than the "
-            f"{LONGEST_S:g} that a page holds; use a file with a shorter one"
+            f"{LONGEST_S:g} that a page holds",
+            "use a file with a shorter one",
         )
     course = Course(scenario, seed=0)
     times = np.arange(math.ceil(scenario.duration_s * RATE_HZ) + 1) / RATE_HZ
@@ -120,7 +121,7 @@ def page(scenario: Scenario, kind: str) -> str:
 
 def _named(path: Path, ending: str, what: str) -> Path:
     if path.suffix.lower() != ending:
-        raise ConfigError(f"cannot write {what} as {path}; give --out a name in {ending}")
+        raise ConfigError(f"cannot write {what} as {path}", f"give --out a name in {ending}")
     return path
 
 
@@ -133,4 +134,4 @@ def _write(path: Path, text: str) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             part.unlink()
-        raise ConfigError(f"cannot write {path}: {error.strerror}; use another --out") from None
+        raise ConfigError(f"cannot write {path}: {error.strerror}", "use another --out") from None

@@ -103,7 +103,7 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
         handles = {axis: Handle.model_validate(line["handle"][axis]) for axis in AXES}
         units = TypeAdapter(Units).validate_python(line["units"])
     except (KeyError, ValueError) as error:
-        raise ConfigError(f"run.toml tells of no line ({error}); give a run of a bus") from None
+        raise ConfigError(f"run.toml tells of no line ({error})", "give a run of a bus") from None
     names = {handle.id: axis for axis, handle in handles.items()}
     drive = ServoDrive(Bus(port, port, names), port, handles, units)
     while port.place < len(exchanges):

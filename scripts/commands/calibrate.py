@@ -50,7 +50,9 @@ def main(request: Request) -> int:
                 continue
             height, width, _ = frame.image.shape
             if size not in (None, (width, height)):
-                raise ConfigError(f"pictures of {request.source} differ in size; give one camera's")
+                raise ConfigError(
+                    f"pictures of {request.source} differ in size", "give one camera's"
+                )
             size = width, height
             views.append(detect(grey_of(frame.image)))
     with err.status("calibrating"):

@@ -187,10 +187,10 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
         ConfigError: a scenario, law or number cannot be used, or the folder is not empty.
     """
     if request.seeds < 1:
-        raise ConfigError(f"seeds {request.seeds}; use 1 or more")
+        raise ConfigError(f"seeds {request.seeds}", "use 1 or more")
     for what in ("scenarios", "controllers"):
         if not getattr(request, what):
-            raise ConfigError(f"no {what} given; name at least one after --{what}")
+            raise ConfigError(f"no {what} given", f"name at least one after --{what}")
     for name in request.controllers:
         registry.check(name)
     if place:
@@ -227,7 +227,7 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
         run.resolve(one)
         planned.append(one)
     if len({one.out for one in planned}) < len(planned):
-        raise ConfigError("two runs are the same; name every scenario, law and latency once")
+        raise ConfigError("two runs are the same", "name every scenario, law and latency once")
     return planned
 
 
@@ -238,7 +238,7 @@ def require_empty(place: Path) -> None:
         ConfigError: there is something already.
     """
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise ConfigError(f"{place} is not an empty folder; give a new one with --out")
+        raise ConfigError(f"{place} is not an empty folder", "give a new one with --out")
 
 
 def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path) -> Path:

@@ -51,9 +51,9 @@ def main(request: Request) -> int:
     """Carry out `endolock emulator`; return the exit code."""
     if request.baud not in BAUDS:
         known = ", ".join(map(str, BAUDS))
-        raise ConfigError(f"baud {request.baud} is none of a servo's; use {known}")
+        raise ConfigError(f"baud {request.baud} is none of a servo's", f"use {known}")
     if request.seed < 0:
-        raise ConfigError(f"seed {request.seed}; use a whole number, 0 or more")
+        raise ConfigError(f"seed {request.seed}", "use a whole number, 0 or more")
     setup = Setup(
         scenario=scenario.load(request.scenario),
         instrument=instrument_files.load(request.instrument),

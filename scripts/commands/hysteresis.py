@@ -184,8 +184,8 @@ def _strokes(
     """Run the protocol once; also return the other axis' bend [rad] and the time it took [s]."""
     if request.rig.startswith(rigs.SERIAL):
         raise ConfigError(
-            "a bench has no pose tracker here; use --rig twin or hil, or log strokes as a CSV file "
-            "for endolock identify"
+            "a bench has no pose tracker here",
+            "use --rig twin or hil, or log strokes as a CSV file for endolock identify",
         )
     rig, _ = rigs.make(
         request.rig,

@@ -112,7 +112,9 @@ def perform(request: Request) -> dict[str, Any]:
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"cannot write {target}: {error.strerror}; give another --out") from None
+        raise ConfigError(
+            f"cannot write {target}: {error.strerror}", "give another --out"
+        ) from None
     return record
 
 
@@ -143,8 +145,8 @@ def _shaft_deg(request: Request) -> float:
     if request.shaft_deg is not None:
         if not abs(request.shaft_deg) <= LARGEST_SHAFT_DEG:
             raise ConfigError(
-                f"--shaft-deg {request.shaft_deg:g} is no bend of a shaft; give "
-                f"{LARGEST_SHAFT_DEG:g} at most"
+                f"--shaft-deg {request.shaft_deg:g} is no bend of a shaft",
+                f"give {LARGEST_SHAFT_DEG:g} at most",
             )
         return request.shaft_deg
     if not request.log.is_dir():
@@ -161,9 +163,9 @@ def _target(request: Request) -> Path:
     if target.suffix != ".toml":
         raise ConfigError(f"--out {target}: give a file that ends in .toml")
     if not target.parent.is_dir():
-        raise ConfigError(f"--out {target}: there is no folder {target.parent}; make it first")
+        raise ConfigError(f"--out {target}: there is no folder {target.parent}", "make it first")
     if target.exists() and not _ours(target):
-        raise ConfigError(f"{target} exists and is not ours; give another file with --out")
+        raise ConfigError(f"{target} exists and is not ours", "give another file with --out")
     return target
 
 

@@ -92,7 +92,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
         HardwareError: the handles stopped.
     """
     if request.axis not in AXES:
-        raise ConfigError(f"axis '{request.axis}' is unknown; use {' or '.join(AXES)}")
+        raise ConfigError(f"axis '{request.axis}' is unknown", f"use {' or '.join(AXES)}")
     if request.strokes < 4:
         raise ConfigError(f"strokes {request.strokes}: an interval needs 4 or more")
     rigs.check(request.rig, "markers")

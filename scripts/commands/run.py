@@ -122,7 +122,8 @@ def selection(text: str | None) -> Selection | None:
         left, top, width, height = (int(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(
-            f"--select '{text}' is not X,Y,WIDTH,HEIGHT in whole pixels; use such as 300,220,41,41"
+            f"--select '{text}' is not X,Y,WIDTH,HEIGHT in whole pixels",
+            "use such as 300,220,41,41",
         ) from None
     return left, top, width, height
 
@@ -153,7 +154,8 @@ def resolve(request: Request) -> Resolved:
     own = request.instrument != "pretensioned"
     if bench and (own or any(entry.startswith("instrument.") for entry in request.vary)):
         raise ConfigError(
-            f"a bench is what it is; --instrument and instrument.NAME do not go with {request.rig}"
+            "a bench is what it is",
+            f"--instrument and instrument.NAME do not go with {request.rig}",
         )
     changed = options_of(request)
     if bench:  # what the bench's camera is like is no choice of the scenario
@@ -163,7 +165,8 @@ def resolve(request: Request) -> Resolved:
     if scenario.scored_from_s >= scenario.duration_s:
         raise ConfigError(
             f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
-            f"{scenario.duration_s:g} s; use a smaller one or a longer duration_s"
+            f"{scenario.duration_s:g} s",
+            "use a smaller one or a longer duration_s",
         )
     known: dict[str, Any] = {}
     if scenario.period_s is not None:
@@ -193,7 +196,8 @@ def _check_stable(name: str, settings: Any, scenario: Scenario) -> None:
         raise ConfigError(
             f"{name} is unstable with these values: gain margin {margin:.2f}, above 1 needed, with "
             f"{process.gain:.2f} rad of error per rad of handle and {process.dead_s:.2f} s of dead "
-            "time; use lower gains, or --force"
+            "time",
+            "use lower gains, or --force",
         )
 
 

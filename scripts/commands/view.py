@@ -28,7 +28,7 @@ def main(request: Request) -> int:
 
     console = Console()
     if not request.folder.is_dir():
-        raise ConfigError(f"{request.folder} is no folder; give a run folder, such as runs/...")
+        raise ConfigError(f"{request.folder} is no folder", "give a run folder, such as runs/...")
     with console.status("deriving run.rrd"):
         rerun_export.derive(request.folder)
     show(request.folder, console)

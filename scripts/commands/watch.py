@@ -79,7 +79,7 @@ def perform(request: Request) -> dict[str, Any]:
         request.source, times=request.times, calibration=request.calibration, board=request.board
     )
     if recording.calibration is None:
-        raise ConfigError("the camera is not known; give --calibration, see endolock calibrate")
+        raise ConfigError("the camera is not known", "give --calibration, see endolock calibrate")
     clock = PlaybackClock()
     camera = RecordedCamera(recording.calibration, clock, recording.frames)
     eyes = _eyes(request, recording)
@@ -125,7 +125,7 @@ def _eyes(request: Request, recording: recordings.Recording) -> Eyes:
     if request.vision == "track":
         return TrackEyes(recording.calibration, recording.board, selected)
     if request.vision != "markers":
-        raise ConfigError(f"vision '{request.vision}' is unknown here; use markers or track")
+        raise ConfigError(f"vision '{request.vision}' is unknown here", "use markers or track")
     if selected:
         raise ConfigError("--select goes with --vision track, not with markers")
     return MarkerEyes(recording.calibration, recording.board)

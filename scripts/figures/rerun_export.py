@@ -54,7 +54,9 @@ def derive(folder: Path) -> Path:
             stream.disconnect()
         part.replace(path)
     except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}; copy the folder first") from None
+        raise ConfigError(
+            f"cannot write {path}: {error.strerror}", "copy the folder first"
+        ) from None
     finally:
         part.unlink(missing_ok=True)
     return path

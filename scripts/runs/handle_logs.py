@@ -59,8 +59,9 @@ def _folder(source: Path) -> Log:
     tracked = {t: pose for t, pose in zip(*columns, strict=True) if t is not None}
     if not tracked:
         raise ConfigError(
-            f"{source} has no poses of a tracker; record some with endolock hysteresis --out DIR, "
-            "or with a scenario that has a [tracker]"
+            f"{source} has no poses of a tracker",
+            "record some with endolock hysteresis --out DIR, "
+            "or with a scenario that has a [tracker]",
         )
     times, vectors = np.array(list(tracked)), []
     for x, y, z, *quaternion in tracked.values():
@@ -77,18 +78,18 @@ def _table(source: Path) -> Log:
         with source.open(newline="", encoding="utf-8-sig") as file:
             head, *rows = csv.reader(file)
     except FileNotFoundError:
-        raise ConfigError(f"no log at {source}; give a run folder or a CSV file") from None
+        raise ConfigError(f"no log at {source}", "give a run folder or a CSV file") from None
     except ValueError as error:
         if isinstance(error, UnicodeDecodeError):
-            raise ConfigError(f"{source} is not UTF-8 text; give a CSV file") from None
-        raise ConfigError(f"{source} is empty; give a CSV file with a header") from None
+            raise ConfigError(f"{source} is not UTF-8 text", "give a CSV file") from None
+        raise ConfigError(f"{source} is empty", "give a CSV file with a header") from None
     except (OSError, csv.Error) as error:
         raise ConfigError(
-            f"cannot read {source}: {error}; give a run folder or a CSV file"
+            f"cannot read {source}: {error}", "give a run folder or a CSV file"
         ) from None
     names = [name.strip() for name in head]
     if not any(names):
-        raise ConfigError(f"{source} begins with an empty line; give a CSV file with a header")
+        raise ConfigError(f"{source} begins with an empty line", "give a CSV file with a header")
     for wanted in (TIME, *HANDLES, *BENDS):
         if wanted not in names:
             near = get_close_matches(wanted, names, 1)
@@ -103,7 +104,7 @@ def _table(source: Path) -> Log:
     tension = None
     if given := [name for name in TENSIONS if name in names]:
         if len(given) < len(TENSIONS):
-            raise ConfigError(f"{source} has {', '.join(given)}; give all four tensions, or none")
+            raise ConfigError(f"{source} has {', '.join(given)}", "give all four tensions, or none")
         tension = np.column_stack([columns[name] for name in TENSIONS])
     handle, bend = (np.column_stack([columns[n] for n in names]) for names in (HANDLES, BENDS))
     return Log(np.array(columns[TIME]), handle, bend, tension)
@@ -116,30 +117,32 @@ def _number(source: Path, line: int, name: str, cell: str) -> float:
             return value
     except ValueError:
         pass
-    raise ConfigError(f"{source}, line {line}: {name} is {cell!r}; use a finite number")
+    raise ConfigError(f"{source}, line {line}: {name} is {cell!r}", "use a finite number")
 
 
 def _check(log: Log) -> None:
     """See that a log can be fitted; the message lacks the file's name."""
     if len(log.t) < 2:
-        raise ConfigError(f"{len(log.t)} rows; record some periods of a slow triangle wave")
+        raise ConfigError(f"{len(log.t)} rows", "record some periods of a slow triangle wave")
     steps = np.diff(log.t)
     if (back := int(steps.argmin())) >= 0 and steps[back] <= 0:
-        raise ConfigError(f"time does not go on after t = {log.t[back]:g} s; sort the rows by time")
+        raise ConfigError(
+            f"time does not go on after t = {log.t[back]:g} s", "sort the rows by time"
+        )
     longest = int(steps.argmax())
     if steps[longest] > max(GAP_S, 10 * float(np.median(steps))):
         raise ConfigError(
-            f"a gap of {steps[longest]:.2f} s after t = {log.t[longest]:g} s; record it again, or "
-            "give the longer part on one side of it"
+            f"a gap of {steps[longest]:.2f} s after t = {log.t[longest]:g} s",
+            "record it again, or give the longer part on one side of it",
         )
     _check_radians("handle angles", log.handle, LARGEST_HANDLE_RAD)
     _check_radians("tip bends", log.bend, LARGEST_BEND_RAD)
     if log.tension is not None and log.tension.min() < -0.05 * np.ptp(log.tension):
-        raise ConfigError("tensions go below zero, but wires only pull; check sign and zero")
+        raise ConfigError("tensions go below zero, but wires only pull", "check sign and zero")
     if log.tension is not None and not log.tension[:, [log.axis, log.axis + 2]].max() > 0:
         raise ConfigError(
-            f"the tensions of the {AXES[log.axis]} wires are never above zero; check the load "
-            "cells, or leave the columns out"
+            f"the tensions of the {AXES[log.axis]} wires are never above zero",
+            "check the load cells, or leave the columns out",
         )
     handle, bend = log.handle[:, log.axis], log.bend[:, log.axis]
     for what, values, least in (
@@ -148,20 +151,20 @@ def _check(log: Log) -> None:
     ):
         if np.ptp(values) < 2 * least:
             raise ConfigError(
-                f"the {what} moves by {degrees(np.ptp(values)):.1f} deg in all; record strokes of "
-                f"{degrees(least):.0f} deg to either side at least"
+                f"the {what} moves by {degrees(np.ptp(values)):.1f} deg in all",
+                f"record strokes of {degrees(least):.0f} deg to either side at least",
             )
     alike = float(np.corrcoef(handle, bend)[0, 1])
     if alike < LEAST_CORRELATION:
         raise ConfigError(
-            f"the {AXES[log.axis]} bend does not follow its handle (correlation {alike:.2f}); "
-            "check sign and axes"
+            f"the {AXES[log.axis]} bend does not follow its handle (correlation {alike:.2f})",
+            "check sign and axes",
         )
     turns = _turns(handle)
     if turns < LEAST_TURNS:
         raise ConfigError(
-            f"the handle turns back {turns} times; record {LEAST_TURNS} turns or more, a triangle "
-            "wave of two periods"
+            f"the handle turns back {turns} times",
+            f"record {LEAST_TURNS} turns or more, a triangle wave of two periods",
         )
 
 
@@ -169,8 +172,8 @@ def _check_radians(what: str, values: Vector, largest: float) -> None:
     most = float(np.abs(values).max())
     if most > largest:
         raise ConfigError(
-            f"{what} reach {most:.4g}, more than {largest:.1f} rad: these look like degrees; "
-            "divide them by 57.3"
+            f"{what} reach {most:.4g}, more than {largest:.1f} rad: these look like degrees",
+            "divide them by 57.3",
         )
 
 

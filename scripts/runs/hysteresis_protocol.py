@@ -63,7 +63,9 @@ class Protocol:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         if rig.tracker is None:
-            raise ConfigError("this rig has no pose tracker; use one that has, such as --rig twin")
+            raise ConfigError(
+                "this rig has no pose tracker", "use one that has, such as --rig twin"
+            )
         self._rig, self._tracker, self._axis = rig, rig.tracker, axis
         self._recorder: Recorder | None = None
         self._progress = progress
@@ -109,7 +111,7 @@ class Protocol:
             HardwareError: the handles stopped.
         """
         if not isfinite(bend_rad):
-            raise ConfigError(f"--other-axis-deg {bend_rad}; use a number of degrees, such as 60")
+            raise ConfigError(f"--other-axis-deg {bend_rad}", "use a number of degrees, such as 60")
         try:
             return self._bend_other_axis(bend_rad)
         except BaseException:
@@ -128,7 +130,8 @@ class Protocol:
         if abs(reached) < 0.95 * abs(bend_rad):
             raise ConfigError(
                 f"{AXES[other]} bends to {degrees(reached):.0f} deg at most, not to "
-                f"{degrees(bend_rad):.0f}; use a smaller --other-axis-deg"
+                f"{degrees(bend_rad):.0f}",
+                "use a smaller --other-axis-deg",
             )
         return reached
 
@@ -198,8 +201,8 @@ class Protocol:
                 self._progress(t)
         if len(rows) < 2:
             raise ConfigError(
-                f"the pose tracker gave {len(rows)} poses in {duration:.1f} s; see that the tip is "
-                "in its view, and that its rate is 10 Hz or more"
+                f"the pose tracker gave {len(rows)} poses in {duration:.1f} s",
+                "see that the tip is in its view, and that its rate is 10 Hz or more",
             )
         times, angles, bends = np.array(rows).T
         return times, angles, bends

@@ -21,7 +21,7 @@ def check_json(target: str | None) -> None:
         return
     path = Path(str(target))
     if path.is_dir() or not path.parent.is_dir():
-        raise ConfigError(f"cannot write {path}; give --json a file in an existing folder, or -")
+        raise ConfigError(f"cannot write {path}", "give --json a file in an existing folder, or -")
 
 
 def write_json(record: Mapping[str, Any], target: str | None) -> None:
@@ -39,7 +39,9 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
     try:
         Path(target).write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"cannot write {target}: {error.strerror}; use another --json") from None
+        raise ConfigError(
+            f"cannot write {target}: {error.strerror}", "use another --json"
+        ) from None
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:

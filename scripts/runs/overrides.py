@@ -77,7 +77,7 @@ def read(entry: str) -> Variation:
     value = _value(text)
     if section in ("instrument", "law") and rest:
         if section == "instrument" and not isinstance(value, int | float):
-            raise ConfigError(f"{entry}: {text!r} is no number; give one in SI units")
+            raise ConfigError(f"{entry}: {text!r} is no number", "give one in SI units")
         return Variation.model_validate({section: {rest: value}})
     return Variation(scenario={key: value})
 
@@ -128,7 +128,7 @@ def _changed(made: Instrument, one: Variation) -> Instrument:
         if name not in told:
             near = [key for key in told if name in key] or get_close_matches(name, told, 1)
             hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(told)}"
-            raise ConfigError(f"an instrument has no {name}; {hint}")
+            raise ConfigError(f"an instrument has no {name}", f"{hint}")
     told |= one.instrument
     return Instrument(**{k: v * one.instrument_times.get(k, 1.0) for k, v in told.items()})
 

@@ -39,22 +39,24 @@ def open_(
     """
     known = boards.prints()
     if board is not None and board not in known:
-        raise ConfigError(f"board '{board}' is unknown; use {', '.join(known)}")
+        raise ConfigError(f"board '{board}' is unknown", f"use {', '.join(known)}")
     geometry = known[board].geometry if board else boards.standard()
     given = camera_file.read(calibration) if calibration else None
     if source.is_dir():
         if times:
-            raise ConfigError("a run folder has its own time stamps; leave --times out")
+            raise ConfigError("a run folder has its own time stamps", "leave --times out")
         told = run_folder.configuration(source)
         if board is None:
             geometry = _plain(BoardGeometry, told["board"], source)
         own = _plain(Calibration, told["calibration"], source)
         rows = run_folder.read(source, "frames").to_pylist()
         if not any(row["tip_jpeg"] for row in rows):
-            raise ConfigError(f"the run in {source} has no pictures; run it with --vision markers")
+            raise ConfigError(
+                f"the run in {source} has no pictures", "run it with --vision markers"
+            )
         return Recording(_frames(rows), given or own, geometry)
     if times is None:
-        raise ConfigError(f"{source} needs its time stamps; give a CSV file with --times")
+        raise ConfigError(f"{source} needs its time stamps", "give a CSV file with --times")
     return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry)
 
 
@@ -63,7 +65,7 @@ def _plain(kind: Any, values: Any, source: Path) -> Any:
         return TypeAdapter(kind).validate_python(values)
     except ValueError:
         raise ConfigError(
-            f"{source / 'run.toml'} is of another version; record the run again"
+            f"{source / 'run.toml'} is of another version", "record the run again"
         ) from None
 
 

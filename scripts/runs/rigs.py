@@ -133,11 +133,11 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
     ):
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
-            raise ConfigError(f"{what} '{name}' is unknown; use {choice}")
+            raise ConfigError(f"{what} '{name}' is unknown", f"use {choice}")
     if rig in TRANSMISSIONS and vision != "truth":
-        raise ConfigError(f"rig {rig} takes no pictures for {vision}; use --vision truth")
+        raise ConfigError(f"rig {rig} takes no pictures for {vision}", "use --vision truth")
     if serial and vision == "truth":
-        raise ConfigError(f"rig {rig} knows no truth; use --vision markers or track")
+        raise ConfigError(f"rig {rig} knows no truth", "use --vision markers or track")
 
 
 def bench_of(rig: str, file: Path | None) -> Bench | None:
@@ -155,8 +155,8 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
         if not all(handle.zero_counts is not None for handle in bench.handles.values()):
             raise ConfigError(
                 f"{file or bench_file.USUAL} tells no zero_counts of both handles, so their ranges "
-                "would start anew with every run; straighten the endoscope, then run endolock "
-                "doctor --port PORT --set-up"
+                "would start anew with every run",
+                "straighten the endoscope, then run endolock doctor --port PORT --set-up",
             )
         return bench
     if file is not None:

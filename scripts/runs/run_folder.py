@@ -128,8 +128,8 @@ class _Table:
             self._writer.write_batch(pa.RecordBatch.from_pylist(rows, self._schema))
         except OSError as error:
             raise ConfigError(
-                f"cannot write {self._path}: {error.strerror or error}; make room, or give another "
-                "folder with --out"
+                f"cannot write {self._path}: {error.strerror or error}",
+                "make room, or give another folder with --out",
             ) from error
 
     def close(self) -> None:
@@ -159,15 +159,15 @@ class RunFolder:
             text = tomli_w.dumps(_without_none({**configuration, "versions": _versions()})).encode()
             path.mkdir(parents=True, exist_ok=True)
             if any(path.iterdir()):
-                raise ConfigError(f"folder {path} is not empty; give a new one with --out")
+                raise ConfigError(f"folder {path} is not empty", "give a new one with --out")
             (path / "run.toml").write_bytes(text)
             self._ticks = _Table(path / "ticks.arrows", TICKS)
             self._frames = _Table(path / "frames.arrows", FRAMES)
         except UnicodeError:
-            raise ConfigError(f"folder {str(path)!r} is no readable name; give another") from None
+            raise ConfigError(f"folder {str(path)!r} is no readable name", "give another") from None
         except OSError as error:
             raise ConfigError(
-                f"cannot write to {path}: {error.strerror}; give another folder with --out"
+                f"cannot write to {path}: {error.strerror}", "give another folder with --out"
             ) from None
 
     def tick(self, tick: Tick) -> None:
@@ -272,14 +272,16 @@ def read(path: Path, table: str) -> pa.Table:
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
             if not stream.schema.equals(wanted):
-                raise ConfigError(f"{file} is no table of {table}; give a run folder")
+                raise ConfigError(f"{file} is no table of {table}", "give a run folder")
             # Cut off within a group of rows, the stream ends in an error: it was never complete.
             with contextlib.suppress(pa.ArrowInvalid, OSError):
                 batches.extend(iter(stream))
     except FileNotFoundError:
-        raise ConfigError(f"no run in {path}: {file.name} is missing; give a run folder") from None
+        raise ConfigError(
+            f"no run in {path}: {file.name} is missing", "give a run folder"
+        ) from None
     except (pa.ArrowInvalid, OSError) as error:
-        raise ConfigError(f"cannot read {file}: {error}; give a run folder") from None
+        raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
     return pa.Table.from_batches(batches, wanted)
 
 
@@ -293,12 +295,12 @@ def configuration(path: Path) -> dict[str, Any]:
     try:
         told = tomllib.loads(file.read_text(encoding="utf-8"))
         if missing := {"calibration", "board"} - told.keys():
-            raise ConfigError(f"{file} has no [{missing.pop()}]; give a run folder")
+            raise ConfigError(f"{file} has no [{missing.pop()}]", "give a run folder")
         return told
     except FileNotFoundError:
-        raise ConfigError(f"no run in {path}: run.toml is missing; give a run folder") from None
+        raise ConfigError(f"no run in {path}: run.toml is missing", "give a run folder") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"cannot read {file}: {error}; give a run folder") from None
+        raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
 
 
 def jpeg(image: Image | None) -> bytes | None:
@@ -316,7 +318,7 @@ def decode(data: bytes) -> Image:
     """Decode a JPEG to RGB."""
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ConfigError("a picture in the run folder is no JPEG; the folder is damaged")
+        raise ConfigError("a picture in the run folder is no JPEG", "the folder is damaged")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 

@@ -50,11 +50,11 @@ class Renderer:
                 first picture was drawn in another thread.
         """
         if self._closed:
-            raise ConfigError("this rig is closed and takes no pictures; make a new one")
+            raise ConfigError("this rig is closed and takes no pictures", "make a new one")
         if self._thread not in (None, threading.get_ident()):
             raise ConfigError(
-                "pictures were drawn in another thread before; sleep on the clock of a rig in one "
-                "thread only"
+                "pictures were drawn in another thread before",
+                "sleep on the clock of a rig in one thread only",
             )
         self._thread = threading.get_ident()
         renderer = self._renderers.get((width, height))
@@ -77,9 +77,9 @@ class Renderer:
         except Exception as error:  # whatever the OpenGL platform in use raises
             said = " ".join(str(error).split()) or type(error).__name__
             raise ConfigError(
-                f"cannot render a picture off-screen with MUJOCO_GL={endolock.opengl()} ({said}); "
+                f"cannot render a picture off-screen with MUJOCO_GL={endolock.opengl()} ({said})",
                 "install EGL (Debian and Ubuntu: apt install libegl1 libgl1), leave MUJOCO_GL "
-                "unset, import endolock before mujoco, or use --vision truth"
+                "unset, import endolock before mujoco, or use --vision truth",
             ) from error
         renderer.scene.flags[:] = 0
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1

@@ -26,8 +26,8 @@ try:
     from gymnasium.vector import AsyncVectorEnv
 except ModuleNotFoundError:
     raise ConfigError(
-        "endolock.twin.env.gym_env needs Gymnasium, which is not installed; "
-        "use pip install 'endolock[gym]'"
+        "endolock.twin.env.gym_env needs Gymnasium, which is not installed",
+        "use pip install 'endolock[gym]'",
     ) from None
 
 STATE_ID = "Endolock/TargetLock-v0"
@@ -61,7 +61,7 @@ class TargetLock(gymnasium.Env):  # type: ignore[misc]  # an extra, so types are
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"render mode '{render_mode}' is unknown; use rgb_array")
+            raise ConfigError(f"render mode '{render_mode}' is unknown", "use rgb_array")
         self.render_mode = render_mode
         pictures = True if render_mode else None
         self._env = target_lock.make(scenario, pixels=pixels, eyes=eyes, pictures=pictures)

@@ -36,8 +36,8 @@ try:
     from dm_env import specs
 except ModuleNotFoundError:
     raise ConfigError(
-        "endolock.twin.env.target_lock needs dm-control, which "
-        "is not installed; use Python 3.11 or 3.12, where it comes with endolock"
+        "endolock.twin.env.target_lock needs dm-control, which is not installed",
+        "use Python 3.11 or 3.12, where it comes with endolock",
     ) from None
 
 PERIOD_S = 0.020

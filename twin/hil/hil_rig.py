@@ -77,7 +77,7 @@ class HilRig(Leaving):
         faults: Sequence[WireFault] = (),
     ) -> None:
         if seed < 0:
-            raise ConfigError(f"seed {seed}; use a whole number, 0 or more")
+            raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
         self.scenario = load(scenario)
         made = instrument or Instrument()
         self._far = _Far()
@@ -175,13 +175,14 @@ class _Far:
 
     def _exchange(self, message: Any) -> Any:
         if self._channel is None:
-            raise ConfigError("this rig is closed; make a new one")
+            raise ConfigError("this rig is closed", "make a new one")
         try:
             self._channel.send(message)
             kind, value = self._channel.recv()
         except (EOFError, ConnectionError):
             raise HardwareError(
-                "the emulated bench has ended by itself; see its message above, then run again",
+                "the emulated bench has ended by itself",
+                "see its message above, then run again",
                 t=0.0,
             ) from None
         if kind == "ConfigError":

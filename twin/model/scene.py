@@ -287,5 +287,5 @@ def camera_id(model: mujoco.MjModel, name: str) -> int:
     index = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name))
     if index < 0:
         names = ", ".join(model.camera(i).name for i in range(model.ncam))
-        raise ConfigError(f"camera '{name}' is not in models/endoscope/scene.xml; use {names}")
+        raise ConfigError(f"camera '{name}' is not in models/endoscope/scene.xml", f"use {names}")
     return index

@@ -103,8 +103,8 @@ class TwinPlant:
                 self.refresh()
         if any(self.data.warning[kind].number for kind in _UNSTABLE):
             raise ConfigError(
-                f"the simulation became unstable before t = {self.t:.3f} s; use softer or heavier "
-                "parts, or a smaller timestep"
+                f"the simulation became unstable before t = {self.t:.3f} s",
+                "use softer or heavier parts, or a smaller timestep",
             )
 
     def refresh(self) -> None:

@@ -98,26 +98,27 @@ class Instrument:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not isfinite(value):
-                raise ConfigError(f"instrument: {name} is {value:g}; use a finite number")
+                raise ConfigError(f"instrument: {name} is {value:g}", "use a finite number")
             if value < 0 and name in MAY_BE_ZERO and name not in SIGNED:
-                raise ConfigError(f"instrument: {name} is {value:g}; use zero or more")
+                raise ConfigError(f"instrument: {name} is {value:g}", "use zero or more")
             if value <= 0 and name not in MAY_BE_ZERO:
-                raise ConfigError(f"instrument: {name} is {value:g}; use more than zero")
+                raise ConfigError(f"instrument: {name} is {value:g}", "use more than zero")
         if self.damping_time_s > 0.01:
             raise ConfigError(
-                f"instrument: damping_time_s {self.damping_time_s:g} would delay the tip; use at "
-                "most 0.01"
+                f"instrument: damping_time_s {self.damping_time_s:g} would delay the tip",
+                "use at most 0.01",
             )
         if self.wire_radius_m >= self.outer_diameter_m / 2:
             raise ConfigError(
                 f"instrument: wire_radius_m {self.wire_radius_m:g} does not fit into an outer "
-                f"diameter of {self.outer_diameter_m:g} m; use less than half of it"
+                f"diameter of {self.outer_diameter_m:g} m",
+                "use less than half of it",
             )
 
         if abs(self.misalignment_rad) > pi:
             raise ConfigError(
-                f"instrument: misalignment_rad is {self.misalignment_rad:g}; use -pi to pi, in "
-                "radians"
+                f"instrument: misalignment_rad is {self.misalignment_rad:g}",
+                "use -pi to pi, in radians",
             )
 
     def slack_at(self, shaft_bend_rad: float) -> float:
@@ -142,13 +143,13 @@ class Numerics:
 
     def __post_init__(self) -> None:
         if not 1 <= self.nodes <= 8:
-            raise ConfigError(f"numerics: {self.nodes} friction nodes per wire; use 1 to 8")
+            raise ConfigError(f"numerics: {self.nodes} friction nodes per wire", "use 1 to 8")
         if self.hinges < 2 or self.hinges % 2:
-            raise ConfigError(f"numerics: {self.hinges} hinges; use an even number, 2 or more")
+            raise ConfigError(f"numerics: {self.hinges} hinges", "use an even number, 2 or more")
         steps = 0.010 / self.timestep_s if self.timestep_s > 0 else 0
         if steps < 1 or abs(steps - round(steps)) > 1e-9:
             raise ConfigError(
-                f"numerics: timestep {self.timestep_s:g} s; use 0.010 s divided by a whole number"
+                f"numerics: timestep {self.timestep_s:g} s", "use 0.010 s divided by a whole number"
             )
 
 

@@ -265,14 +265,16 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
     """
     values, name = files.read("scenario", FOLDER, str(source))
     if "name" in values:
-        raise ConfigError(f"scenario {name}: unknown key name; the file's name is the scenario's")
+        raise ConfigError(f"scenario {name}: unknown key name", "the file's name is the scenario's")
     for key, value in (overrides or {}).items():
         *sections, last = key.split(".")
         place = values
         for section in sections:
             place = place.setdefault(section, {})
             if not isinstance(place, dict):
-                raise ConfigError(f"scenario {source}: {section} is no section; write [{section}]")
+                raise ConfigError(
+                    f"scenario {source}: {section} is no section", f"write [{section}]"
+                )
         place[last] = value
     try:
         return Scenario.model_validate({**values, "name": name})

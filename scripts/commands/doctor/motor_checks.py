@@ -88,7 +88,8 @@ def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> li
         if times[device] > 1 or _crowded(line, device, baud):
             raise ConfigError(
                 f"answers with the id {device} come twice or damaged: several motors have it, or "
-                "the cable is bad; connect one alone, give it another id (docs/bench.md), then both"
+                "the cable is bad",
+                "connect one alone, give it another id (docs/bench.md), then both",
             )
     return sorted((read(line, *place) for place in places), key=lambda motor: motor.id)
 

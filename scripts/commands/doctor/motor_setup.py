@@ -41,13 +41,13 @@ def check() -> None:
     path = bench_file.USUAL
     if path.exists():
         raise ConfigError(
-            f"{path} exists, so nothing was set up; move it away to set up anew, or leave out "
-            "--set-up to look only"
+            f"{path} exists, so nothing was set up",
+            "move it away to set up anew, or leave out --set-up to look only",
         )
     if not os.access(Path(), os.W_OK | os.X_OK):
         raise ConfigError(
-            f"cannot write {path} in {Path().resolve()}, so nothing was set up; change to a folder "
-            "that you may write to"
+            f"cannot write {path} in {Path().resolve()}, so nothing was set up",
+            "change to a folder that you may write to",
         )
 
 
@@ -95,14 +95,15 @@ def _accept(motors: Sequence[Motor]) -> None:
     if len(motors) != 2:
         ids = f" ({', '.join(str(motor.id) for motor in motors)})" if motors else ""
         raise ConfigError(
-            f"{len(motors)} motors{ids} where a bench has two, so nothing was set up; connect "
-            "those two and no other, see that both answer, then run this again"
+            f"{len(motors)} motors{ids} where a bench has two, so nothing was set up",
+            "connect those two and no other, see that both answer, then run this again",
         )
     for motor in motors:
         if motor.model not in MODELS:
             raise ConfigError(
                 f"motor {motor.id} is a {motor.name}, whose registers are not known here, so "
-                "nothing was set up; use X series of the size 430 or 540, such as XM430-W350"
+                "nothing was set up",
+                "use X series of the size 430 or 540, such as XM430-W350",
             )
 
 
@@ -138,7 +139,7 @@ def _await(bus: Bus, device: int) -> None:
         except LinkLost:
             if clock.now() >= RESTART_S:
                 raise LinkLost(
-                    f"motor {device} does not answer at {BAUD} baud any more; switch the motors' "
-                    "supply off and on, then run this again",
+                    f"motor {device} does not answer at {BAUD} baud any more",
+                    "switch the motors' supply off and on, then run this again",
                     t=clock.now(),
                 ) from None
