@@ -129,7 +129,7 @@ def _dispatch(args: list[str]) -> int:
         | Annotated[view.Request, tyro.conf.subcommand("view")]
         | Annotated[emulator.Request, tyro.conf.subcommand("emulator")]
         | Annotated[examination.Request, tyro.conf.subcommand("doctor")]
-        | Annotated[benchmark.Request, tyro.conf.subcommand("bench")]
+        | Annotated[benchmark.Request, tyro.conf.subcommand("benchmark")]
     )
     mains: dict[type, Callable[[Any], int]] = {
         run.Request: run.main,

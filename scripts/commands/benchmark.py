@@ -1,4 +1,4 @@
-"""`endolock bench`: how fast the parts are, as ratios to a bound taken in the same minute.
+"""`endolock benchmark`: speed of the parts, as ratios to a bound measured in the same minute.
 
 Machines are shared and noisy: each time is the median of interleaved repetitions, and what counts
 is the ratio to bare `mj_step`, to a raw OpenGL quad, or to simulated time.
@@ -58,7 +58,7 @@ class Request:
 
 
 def main(request: Request) -> int:
-    """Carry out `endolock bench`; return the exit code."""
+    """Carry out `endolock benchmark`; return the exit code."""
     output.check_json(request.json)
     err = Console(stderr=True)
     figures: dict[str, Any] = {}
@@ -357,7 +357,7 @@ def _raw_quad(width: int, height: int) -> Callable[[], object]:
 
 
 def _table(figures: dict[str, Any]) -> Table:
-    result = Table(title="endolock bench (rtf: simulated seconds a second)")
+    result = Table(title="endolock benchmark (rtf: simulated seconds a second)")
     for heading in ("part", "figure", "value"):
         result.add_column(heading, justify="right" if heading == "value" else "left")
     for part, values in figures.items():

@@ -1,4 +1,4 @@
-"""How fast the serial link is: part of `endolock bench`.
+"""How fast the serial link is: part of `endolock benchmark`.
 
 Two motors, a sync write of both goals and a sync read of both blocks in each cycle, from this
 process to the emulator in another one, over a pty. The bound is the time that the bytes of a cycle

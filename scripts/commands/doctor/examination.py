@@ -34,7 +34,7 @@ from endolock.scripts.runs import output
 LISTED = Path(__file__).resolve().parents[3] / "requirements.txt"
 """The version list; it lies beside the sources and is not installed with them."""
 MB_PER_MIN = 35.0
-"""Growth of a run folder with pictures [MB/min]; measured by `endolock bench`, rounded up."""
+"""Growth of a run folder with pictures [MB/min]; measured by `endolock benchmark`, rounded up."""
 DRAWINGS = 20
 OURS = Path(sys.prefix) == LISTED.parent / ".venv"
 PIP = "./run pip install" if OURS else f"{shlex.quote(sys.executable)} -m pip install"
