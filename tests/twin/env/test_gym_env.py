@@ -94,9 +94,9 @@ def test_side_by_side_each_has_its_seed_and_equals_the_single_one(gymnasium: Any
     assert not multiprocessing.active_children()
 
 
-def test_bench_measures_them(gymnasium: Any) -> None:
-    from endolock.scripts.commands import benchmark
+def test_the_benchmark_measures_them(gymnasium: Any) -> None:
+    from endolock.scripts.speed import environment_speed
 
-    figures = benchmark.env()
+    figures = environment_speed.environments()
     assert set(figures) == {"steps_per_s", "vector_steps_per_s", "environments"}
     assert all(value > 0 for value in figures.values())
