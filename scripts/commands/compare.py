@@ -16,10 +16,9 @@ from rich.console import Console
 from endolock.control import registry
 from endolock.hw.api import ConfigError
 from endolock.scripts.commands import run
+from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import output, overrides, record_table, rigs, run_folder, theory
 from endolock.vision.observation import Status
-
-COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +258,7 @@ def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path)
         panel = panels[names.index(record["scenario"])]
         t, error = error_over_time(folder)
         law = record["controller"]
-        colour = COLOURS[laws_used.index(law) % len(COLOURS)]
+        colour = SERIES[laws_used.index(law) % len(SERIES)]
         first = law not in panel.get_legend_handles_labels()[1]
         panel.plot(t, error, color=colour, lw=1.2, label=law if first else None)
     for panel, name in zip(panels, names, strict=True):

@@ -12,8 +12,10 @@ from matplotlib import figure
 from matplotlib.axes import Axes
 
 from endolock.hw.api import Vector
+from endolock.scripts.figures import palette
 
-LOOP, POSITIVE, NEGATIVE, GREY = "#3b6fb6", "#d1622b", "#3a8a4d", "#4d4d4d"
+LOOP, DEADBAND = palette.BLUE, palette.DARK_GREY
+POSITIVE, NEGATIVE = palette.ORANGE, palette.GREEN
 
 
 def draw(record: Mapping[str, Any], path: Path) -> Path:
@@ -123,7 +125,7 @@ def _shaft(axes: Axes, told: Mapping[str, Any]) -> None:
     widths = dict(zip(shafts, told["width_at_30"], strict=True))
     _line(axes, widths, "width at 30 deg of bend", color=LOOP, marker="o")
     beside = dict(zip(shafts, deadbands, strict=True))
-    _line(axes, beside, "deadband", color=GREY, marker="s", clip_on=False)
+    _line(axes, beside, "deadband", color=DEADBAND, marker="s", clip_on=False)
     axes.set(xlabel="shaft [deg]", ylabel="handle motion [of 180 deg]", ylim=(0, None))
     axes.set_title("bend of the shaft")
     axes.set_xticks(range(0, 361, 90))

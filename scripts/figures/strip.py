@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import ConfigError, Image
+from endolock.scripts.figures.palette import RGB_BLUE, RGB_GREEN, RGB_INK, RGB_PAPER
 from endolock.scripts.runs import run_folder
 
 PICTURES = 6
 WIDTH_PX = 320
-GREEN, BLUE, INK, PAPER = (80, 200, 120), (70, 130, 235), (30, 30, 34), (245, 245, 245)
 
 
 def pictures(folder: Path) -> list[dict[str, Any]]:
@@ -37,7 +37,7 @@ def write(folder: Path, path: Path) -> Path:
     configuration = run_folder.configuration(folder)
     centre = tuple(configuration["calibration"]["centre_px"])
     chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, PICTURES).round().astype(int)]
-    gap = np.full((_draw(chosen[0], centre).shape[0], 4, 3), PAPER, np.uint8)
+    gap = np.full((_draw(chosen[0], centre).shape[0], 4, 3), RGB_PAPER, np.uint8)
     parts: list[Image] = []
     for row in chosen:
         parts += [_draw(row, centre), gap]
@@ -51,15 +51,15 @@ def _draw(row: dict[str, Any], centre: tuple[float, float]) -> Image:
     height = round(picture.shape[0] * scale)
     small = cv2.resize(picture, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
     u, v = (round((c + 0.5) * scale) for c in centre)
-    cv2.line(small, (u - 9, v), (u + 9, v), GREEN, 1, cv2.LINE_AA)
-    cv2.line(small, (u, v - 9), (u, v + 9), GREEN, 1, cv2.LINE_AA)
+    cv2.line(small, (u - 9, v), (u + 9, v), RGB_GREEN, 1, cv2.LINE_AA)
+    cv2.line(small, (u, v - 9), (u, v + 9), RGB_GREEN, 1, cv2.LINE_AA)
     text = f"{row['t_available']:.1f} s   {row['status']}"
     if row["status"] == "tracking":
         spot = tuple(round((c + 0.5) * scale) for c in row["target_px"])
-        cv2.line(small, (u, v), spot, BLUE, 1, cv2.LINE_AA)
-        cv2.circle(small, spot, 12, BLUE, 2, cv2.LINE_AA)
+        cv2.line(small, (u, v), spot, RGB_BLUE, 1, cv2.LINE_AA)
+        cv2.circle(small, spot, 12, RGB_BLUE, 2, cv2.LINE_AA)
         error_px = np.hypot(*np.subtract(row["target_px"], centre))
         text = f"{row['t_available']:.1f} s   {error_px:.0f} px"
-    label = np.full((24, WIDTH_PX, 3), PAPER, np.uint8)
-    cv2.putText(label, text, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    label = np.full((24, WIDTH_PX, 3), RGB_PAPER, np.uint8)
+    cv2.putText(label, text, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, RGB_INK, 1, cv2.LINE_AA)
     return np.vstack([small, label])

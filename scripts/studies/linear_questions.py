@@ -16,9 +16,10 @@ from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.control.transmission.plays import play
 from endolock.hw.api import Command, Vector
+from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.output import markdown
-from endolock.scripts.studies.questions import COLOURS, Answer, request
+from endolock.scripts.studies.questions import Answer, request
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
@@ -61,10 +62,10 @@ def process() -> Answer:
     text += markdown(["law", "gain margin", "phase margin", "dead time margin"], rows)
 
     def draw(panel: Any) -> None:
-        panel.plot(t, 1e3 * error, ".", color=COLOURS[0], label="as seen by the camera")
+        panel.plot(t, 1e3 * error, ".", color=SERIES[0], label="as seen by the camera")
         since = np.maximum(t - found.dead_s, 0)
         model = -found.gain * STEP_RAD * -np.expm1(-since / found.lag_s)
-        panel.plot(t, 1e3 * model, color=COLOURS[1], lw=1, label="gain, lag and dead time")
+        panel.plot(t, 1e3 * model, color=SERIES[1], lw=1, label="gain, lag and dead time")
         panel.set_xlabel("time since the step [s]")
         panel.set_ylabel("error [mrad]")
 
@@ -123,7 +124,7 @@ def limit_cycle() -> Answer:
     def draw(panel: Any) -> None:
         for n, (width, one) in enumerate(zip(widths, done, strict=True)):
             late = (one.t > 30) & (one.t < 36)
-            panel.plot(one.t[late], one.error[late, 0], color=COLOURS[n], lw=1, label=f"{width:g}")
+            panel.plot(one.t[late], one.error[late, 0], color=SERIES[n], lw=1, label=f"{width:g}")
         panel.set_xlabel("time [s]; by width")
         panel.set_ylabel("error [px]")
 

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.output import markdown
-from endolock.scripts.studies.questions import COLOURS, NO_FRICTION, Answer, request
+from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
 
 WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 
@@ -44,7 +45,7 @@ def roughness() -> Answer:
         for n, name in enumerate(list(cases)[1:]):
             one = done[name]
             late = one.t > 20
-            panel.plot(one.t[late], one.distance[late], color=COLOURS[n], lw=1, label=name)
+            panel.plot(one.t[late], one.distance[late], color=SERIES[n], lw=1, label=name)
         panel.set_xlabel("time [s]")
         panel.set_ylabel("error [px]")
         panel.set_ylim(bottom=0)
@@ -78,7 +79,7 @@ def circles() -> Answer:
             for form, style in zip(forms, ("o-", "s--"), strict=True):
                 rms = [done[scenario, form, width].rms for width in WIDTHS]
                 label = f"{scenario}, {form}"
-                panel.plot(WIDTHS, rms, style, color=COLOURS[n], label=label)
+                panel.plot(WIDTHS, rms, style, color=SERIES[n], label=label)
         panel.set_xlabel("compensated width over 180 deg [1]")
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
@@ -108,7 +109,7 @@ def latency() -> Answer:
         for n, law in enumerate(laws):
             for plant, style in zip(plants, ("o-", "s--"), strict=True):
                 rms = [done[law, plant, s].rms for s in latencies]
-                panel.plot(latencies, rms, style, color=COLOURS[n], label=f"{law}, {plant}")
+                panel.plot(latencies, rms, style, color=SERIES[n], label=f"{law}, {plant}")
         panel.set_xlabel("latency [s]")
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
@@ -164,7 +165,7 @@ def after_a_push() -> Answer:
     def draw(panel: Any) -> None:
         for n, name in enumerate(laws):
             values = jumps[name, forces[-1]]
-            panel.plot(phases, values, "o-", color=COLOURS[n], label=name)
+            panel.plot(phases, values, "o-", color=SERIES[n], label=name)
         panel.set_xlabel(f"phase of the stroke at which {forces[-1]} N push")
         panel.set_ylabel("largest deviation afterwards [px]")
         panel.set_ylim(bottom=0)

@@ -10,10 +10,11 @@ import numpy as np
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.scripts.commands import run
+from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.output import markdown
-from endolock.scripts.studies.questions import COLOURS, NO_FRICTION, Answer, request
+from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
 
 DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
 
@@ -46,7 +47,7 @@ def relative() -> Answer:
     def draw(panel: Any) -> None:
         for n, law in enumerate(laws):
             mm = [1e3 * d for d in DISTANCES_M]
-            panel.plot(mm, [ratio[d, law] for d in DISTANCES_M], "o-", color=COLOURS[n], label=law)
+            panel.plot(mm, [ratio[d, law] for d in DISTANCES_M], "o-", color=SERIES[n], label=law)
         panel.set_xlabel("distance [mm]")
         panel.set_ylabel("error over that without friction [1]")
         panel.set_ylim(bottom=0)
@@ -90,9 +91,9 @@ def integral() -> Answer:
 
     def draw(panel: Any) -> None:
         for n, d in enumerate(distances):
-            panel.semilogy(gains, rms[d], "o-", color=COLOURS[n], label=f"{1e3 * d:.0f} mm")
+            panel.semilogy(gains, rms[d], "o-", color=SERIES[n], label=f"{1e3 * d:.0f} mm")
             limit = np.pi / 2 / _process(d).dead_s / _process(d).gain
-            panel.axvline(limit, color=COLOURS[n], ls=":", lw=1)
+            panel.axvline(limit, color=SERIES[n], ls=":", lw=1)
         panel.set_xlabel("ki [1/s]; dotted: the linear limit")
         panel.set_ylabel("rms error [px]")
 
@@ -130,7 +131,7 @@ def aiming() -> Answer:
         mm = [1e3 * d for d in DISTANCES_M]
         for n, name in enumerate(laws):
             rms = [done[d, name].rms for d in DISTANCES_M]
-            panel.semilogy(mm, rms, "o-", color=COLOURS[n], label=name)
+            panel.semilogy(mm, rms, "o-", color=SERIES[n], label=name)
         panel.set_xlabel("distance [mm]")
         panel.set_ylabel("rms error [px]")
 

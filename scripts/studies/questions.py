@@ -15,7 +15,6 @@ from endolock.hw.api import ConfigError
 from endolock.scripts import cli
 from endolock.scripts.commands import run
 
-COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d", "#8a4fa3", "#8c6d31", "#4d4d4d")
 NO_FRICTION = ("no_hysteresis",)
 DURATION_S, SCORED_FROM_S = 45.0, 17.2
 """Two whole strokes to settle, then more than three."""

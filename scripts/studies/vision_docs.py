@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from endolock.scripts.commands import latency
+from endolock.scripts.figures import palette
 from endolock.scripts.runs import output
 from endolock.scripts.studies import sequences, vision_accuracy
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario as scenarios
 from endolock.vision.triple_check import LIMIT_PX
 
-COLOURS = ("#3b6fb6", "#d1622b", "#3a8a4d")
 PARTS: dict[str, dict[str, Any]] = {
     "nothing but the pinhole": {},
     "fisheye 120 deg, octagon": {"camera.projection": "equidistant", "camera.mask": "octagon"},
@@ -158,7 +158,7 @@ class Measured:
         figure = Figure(figsize=(11, 7.2), layout="constrained", dpi=110)
         (pixel, depth), (windows, roc) = figure.subplots(2, 2)
         millimetres = 1e3 * np.array(vision_accuracy.DISTANCES_M)
-        for (name, series), colour in zip(self.distances.items(), COLOURS, strict=True):
+        for (name, series), colour in zip(self.distances.items(), palette.SERIES[:3], strict=True):
             style = {"color": colour, "label": name, "marker": "o", "markersize": 3.5}
             pixel.loglog(millimetres, [m.pixel_rms for m in series], **style)
             depth.loglog(millimetres, [100 * m.depth_rms for m in series], **style)
@@ -175,7 +175,7 @@ class Measured:
         for n, ((board, hard), colour) in enumerate(
             zip(
                 product(("rings", "tissue"), (False, True)),
-                ("#9ab6dc", COLOURS[0], "#edb598", COLOURS[1]),
+                (palette.LIGHT_BLUE, palette.BLUE, palette.LIGHT_ORANGE, palette.ORANGE),
                 strict=True,
             )
         ):
@@ -197,9 +197,9 @@ class Measured:
             [np.mean(np.array(values) <= limit) for limit in limits]
             for values in (self.wrong, self.right)
         )
-        roc.plot(false, true, color=COLOURS[0])
+        roc.plot(false, true, color=palette.BLUE)
         at = np.mean(np.array(self.wrong) <= LIMIT_PX), np.mean(np.array(self.right) <= LIMIT_PX)
-        roc.plot(*at, "o", color=COLOURS[1])
+        roc.plot(*at, "o", color=palette.ORANGE)
         roc.annotate(
             f"limit {LIMIT_PX:g} px", at, (-8, -16), textcoords="offset points", ha="right"
         )

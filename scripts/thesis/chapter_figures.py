@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from endolock.scripts.figures import palette
 from endolock.scripts.thesis.chapter_runs import Trace
 
 NAMES = {"pi": "PI", "pi_hc": "PI + compensation", "ik": "inverse kinematics"}
-COLOURS = {"pi": "#3b6fb6", "pi_hc": "#d1622b", "ik": "#3a8a4d", "compensation": "#9a9a9a"}
-BAND = "#f1e3b8"
+COLOURS = {"pi": palette.BLUE, "pi_hc": palette.ORANGE, "ik": palette.GREEN}
 TITLES = {"a": "(a) our simulation", "b": "(b) our twin"}
 
 
@@ -37,7 +37,7 @@ def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:
         for panel, (column, traces) in zip(panels[0], runs.items(), strict=True):
             low, high = bands.get(number, {}).get(column, (0, 180))
             text = "excerpt: peak in here" if low else "excerpt: all below"
-            panel.axhspan(low, high, color=BAND, lw=0, label=text)
+            panel.axhspan(low, high, color=palette.BAND, lw=0, label=text)
             for law in laws:
                 one = traces[f"{scenario}-{law}"]
                 panel.plot(one.t, one.total, color=COLOURS[law], lw=1.2, label=NAMES[law])
@@ -67,8 +67,8 @@ def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:
                 one = traces[f"circle-{law}"]
                 panel.plot(one.t, one.error[:, row], color=COLOURS[law], lw=1.2, label=NAMES[law])
             angle = one.compensation[:, 1 - row]
-            grey = COLOURS["compensation"]
-            panel.plot(one.handle_t, angle, color=grey, lw=1, label="compensation [deg]")
+            label = "compensation [deg]"
+            panel.plot(one.handle_t, angle, color=palette.GREY, lw=1, label=label)
             title = f"{TITLES[column]}: {name} direction ({axis})"
             _finish(panel, title, "offset [px]", (-reach, reach))
     made.append(_save(figure, panels, folder / "figure_6.8.png"))
