@@ -17,7 +17,14 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from endolock.hw.api import AXES, ConfigError
-from endolock.scripts.figures import palette
+from endolock.scripts.figures.palette import (
+    RGB_BLUE,
+    RGB_GREEN,
+    RGB_GREY,
+    RGB_ORANGE,
+    RGB_RED,
+    RGB_YELLOW,
+)
 from endolock.scripts.runs import run_folder
 
 TIMELINE = "time"
@@ -71,33 +78,23 @@ def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
     stream.log("world/tip/camera", camera, static=True)
     x, y = u + 0.5, v + 0.5
     cross = [[[x - 14, y], [x + 14, y]], [[x, y - 14], [x, y + 14]]]
-    stream.log(
-        "tip/centre", rr.LineStrips2D(cross, colors=palette.RGB_GREEN, radii=1.0), static=True
-    )
+    stream.log("tip/centre", rr.LineStrips2D(cross, colors=RGB_GREEN, radii=1.0), static=True)
     half = configuration["board"]["size_m"] / 2
-    paper = rr.Boxes3D(
-        half_sizes=[[half, half, 0.0005]], colors=palette.RGB_GREY, fill_mode="solid"
-    )
+    paper = rr.Boxes3D(half_sizes=[[half, half, 0.0005]], colors=RGB_GREY, fill_mode="solid")
     stream.log("world/board", paper, static=True)
-    stream.log(
-        "world/board/target",
-        rr.Points3D([[0, 0, 0]], radii=0.006, colors=palette.RGB_RED),
-        static=True,
-    )
+    target = rr.Points3D([[0, 0, 0]], radii=0.006, colors=RGB_RED)
+    stream.log("world/board/target", target, static=True)
+    colours = (RGB_ORANGE, RGB_BLUE, RGB_RED, RGB_GREEN)
     curves = {
-        "error/now": ("target from centre, now [px]", palette.RGB_RED),
-        "error/seen": ("target from centre, as seen [px]", palette.RGB_BLUE),
+        "error/now": ("target from centre, now [px]", RGB_RED),
+        "error/seen": ("target from centre, as seen [px]", RGB_BLUE),
         **{
             f"wires/{wire}": (f"wire {wire} [N]", colour)
-            for wire, colour in zip(
-                WIRES,
-                (palette.RGB_ORANGE, palette.RGB_BLUE, palette.RGB_RED, palette.RGB_GREEN),
-                strict=True,
-            )
+            for wire, colour in zip(WIRES, colours, strict=True)
         },
     }
-    for axis, dark in zip(AXES, (palette.RGB_ORANGE, palette.RGB_BLUE), strict=True):
-        curves[f"handles/{axis}/goal"] = (f"{axis} goal [deg]", palette.RGB_GREY)
+    for axis, dark in zip(AXES, (RGB_ORANGE, RGB_BLUE), strict=True):
+        curves[f"handles/{axis}/goal"] = (f"{axis} goal [deg]", RGB_GREY)
         curves[f"handles/{axis}/measured"] = (f"{axis} measured [deg]", dark)
     for path, (name, colour) in curves.items():
         stream.log(path, rr.SeriesLines(names=name, colors=colour, widths=1.5), static=True)
@@ -123,11 +120,11 @@ def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -
         stream.set_time(TIMELINE, duration=t)
         corners = np.array(row["corners_px"] or np.empty((0, 2)), float)
         squares = [[*square, square[0]] for square in corners.reshape(-1, 4, 2) + 0.5]
-        stream.log("tip/markers", rr.LineStrips2D(squares, colors=palette.RGB_BLUE, radii=0.8))
+        stream.log("tip/markers", rr.LineStrips2D(squares, colors=RGB_BLUE, radii=0.8))
         judged = [np.add(row["reference_px"], 0.5)] if row["reference_px"] else []
-        stream.log("tip/by_markers", rr.Points2D(judged, colors=palette.RGB_GREEN, radii=2.5))
+        stream.log("tip/by_markers", rr.Points2D(judged, colors=RGB_GREEN, radii=2.5))
         spot = [np.add(row["target_px"], 0.5)] if row["status"] == "tracking" else []
-        stream.log("tip/target", rr.Points2D(spot, colors=palette.RGB_YELLOW, radii=4.0))
+        stream.log("tip/target", rr.Points2D(spot, colors=RGB_YELLOW, radii=4.0))
     _true_poses(stream, [row for row in rows if row["true_t"] is not None])
 
 
@@ -137,7 +134,7 @@ def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
     times = [row["true_t"] for row in rows]
     strips = [np.array(row["backbone_m"]) for row in rows]
     section = rr.LineStrips3D.columns(
-        strips=strips, radii=[0.0045] * len(rows), colors=[palette.RGB_GREY] * len(rows)
+        strips=strips, radii=[0.0045] * len(rows), colors=[RGB_GREY] * len(rows)
     )
     _columns(stream, "world/section", times, section)
     for entity, key in (("world/tip", "tip_pose"), ("world/board", "board_pose")):
@@ -146,9 +143,7 @@ def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
         turned = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]])
         _columns(stream, entity, times, turned)
     path = np.array([row["board_pose"][:3] for row in rows])
-    stream.log(
-        "world/path", rr.LineStrips3D([path], radii=0.0006, colors=palette.RGB_RED), static=True
-    )
+    stream.log("world/path", rr.LineStrips3D([path], radii=0.0006, colors=RGB_RED), static=True)
 
 
 def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> None:
