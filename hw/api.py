@@ -112,7 +112,7 @@ class State:
     """Measured handle speeds [rad/s]."""
     current: tuple[float, ...]
     """Motor currents [A]."""
-    target: tuple[float, ...]
+    goal: tuple[float, ...]
     """Goals in force after this exchange [rad]: limited, slewed, quantised."""
     clipped: tuple[int, ...]
     """Per axis +1 (-1) where the command asked for more (less) than was sent on; 0 where not."""

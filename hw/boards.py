@@ -27,7 +27,7 @@ class Patch(NamedTuple):
     """[m]"""
 
 
-class Print(NamedTuple):
+class PrintedBoard(NamedTuple):
     """What is on a board."""
 
     geometry: BoardGeometry
@@ -51,21 +51,21 @@ def _ring(half: float) -> list[tuple[float, float]]:
 
 def _print(
     patches: tuple[Patch, ...], rows: list[tuple[float, list[tuple[float, float]]]]
-) -> Print:
+) -> PrintedBoard:
     """Number markers of some sizes at some places."""
     places = [(x, y, size) for size, row in rows for x, y in row]
     markers = tuple((n, x, y, size) for n, (x, y, size) in enumerate(places))
     target = patches[0].x, patches[0].y
     geometry = BoardGeometry(dictionary=DICTIONARY, markers=markers, size_m=SIZE_M, target=target)
-    return Print(geometry, patches)
+    return PrintedBoard(geometry, patches)
 
 
 def standard() -> BoardGeometry:
     """Return the geometry of the board that scenarios use unless they say otherwise."""
-    return prints()["rings"].geometry
+    return all_boards()["rings"].geometry
 
 
-def prints() -> dict[str, Print]:
+def all_boards() -> dict[str, PrintedBoard]:
     """Return all boards by name; the first patch of each is its target."""
     corners = (0.020, _square(0.036))
     ring = (0.008, _ring(0.013))
@@ -87,4 +87,4 @@ def prints() -> dict[str, Print]:
 
 def aimed(kind: str, number: int) -> BoardGeometry:
     """Return the geometry of a board by name, with one of its patches as the target."""
-    return prints()[kind].aimed_at(number)
+    return all_boards()[kind].aimed_at(number)

@@ -20,7 +20,7 @@ class Reading:
     fresh: bool
     """False where no answer came; the measurements then are the last ones."""
     device_tick: int
-    target: tuple[float, ...] | None = None
+    goal: tuple[float, ...] | None = None
     """Goals that the motors have [rad], where they tell them."""
     silent: tuple[str, ...] = ()
     """Axes that did not answer, where single ones can be told."""

@@ -134,7 +134,7 @@ class Guard:
         self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
         self._off_since = [None] * len(self.axes)
         self._mode = Mode.HOLDING
-        return self._remember(replace(reading, target=self._goal), (0,) * len(self.axes))
+        return self._remember(replace(reading, goal=self._goal), (0,) * len(self.axes))
 
     def exchange(self, command: Command | None) -> State:
         """Send a command and read the state; see `Actuators.exchange`."""
@@ -290,13 +290,13 @@ class Guard:
 
     def _check_taken(self, reading: Reading, now: float) -> None:
         """See that goals arrive, where the motors tell theirs."""
-        if reading.target is None or reading.target == self._drive.quantise(self._goal):
+        if reading.goal is None or reading.goal == self._drive.quantise(self._goal):
             self._taken_at = now
         elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
             axis = next(
                 axis
                 for axis, has, sent in zip(
-                    self.axes, reading.target, self._drive.quantise(self._goal), strict=True
+                    self.axes, reading.goal, self._drive.quantise(self._goal), strict=True
                 )
                 if has != sent
             )
@@ -345,7 +345,7 @@ class Guard:
             position=reading.position,
             velocity=reading.velocity,
             current=reading.current,
-            target=self._in_force(reading),
+            goal=self._in_force(reading),
             clipped=clipped,
             fresh=reading.fresh,
             mode=self._mode,
@@ -358,7 +358,7 @@ class Guard:
     def _in_force(self, reading: Reading) -> tuple[float, ...]:
         if not self._mode.driven:
             return reading.position
-        return self._drive.quantise(self._goal) if reading.target is None else reading.target
+        return self._drive.quantise(self._goal) if reading.goal is None else reading.goal
 
     def _state_error(self, message: str) -> StateError:
         return StateError(message, t=self.clock.now())

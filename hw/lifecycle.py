@@ -10,7 +10,7 @@ from endolock.hw.api import EndolockError
 from endolock.hw.guard import Guard
 
 
-class Leaving(ABC):
+class ClosingRig(ABC):
     """A context that connects the handles; leaving it closes the rig."""
 
     actuators: Guard

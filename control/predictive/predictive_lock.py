@@ -208,7 +208,7 @@ class Predictive:
         self._count_turns(t)
         droop = []
         for old, goal, place, rate in zip(
-            memory.droop, state.target, state.position, state.velocity, strict=True
+            memory.droop, state.goal, state.position, state.velocity, strict=True
         ):
             # A servo without integral stops short under load, by what its encoder tells.
             short = min(max(goal - place - old, -SHORT_RAD), SHORT_RAD)

@@ -29,7 +29,7 @@ from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.files import Section
 
-USUAL = Path("bench.toml")
+DEFAULT_FILE = Path("bench.toml")
 """The file that is read where none is given, if it is there."""
 
 
@@ -85,8 +85,8 @@ class Bench(Section):
     @field_validator("board")
     @classmethod
     def _known_board(cls, value: str) -> str:
-        if value not in boards.prints():
-            raise ValueError(f"board is '{value}'; use {', '.join(boards.prints())}")
+        if value not in boards.all_boards():
+            raise ValueError(f"board is '{value}'; use {', '.join(boards.all_boards())}")
         return value
 
     @model_validator(mode="after")
@@ -119,9 +119,9 @@ def load(path: Path | None = None) -> Bench:
         ConfigError: it cannot be read, or says what cannot be.
     """
     if path is None:
-        if not USUAL.exists():
+        if not DEFAULT_FILE.exists():
             return Bench()
-        path = USUAL
+        path = DEFAULT_FILE
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         bench = Bench.model_validate(told)

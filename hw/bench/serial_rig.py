@@ -17,10 +17,10 @@ from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES, TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.bus_server import BITS
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import Leaving
+from endolock.hw.lifecycle import ClosingRig
 
 
-class SerialRig(Leaving):
+class SerialRig(ClosingRig):
     """A bench; it takes the place of a `TwinRig`, and knows no truth.
 
     Laboratory software, not a medical device; see docs/safety.md.
@@ -52,7 +52,7 @@ class SerialRig(Leaving):
         self.line = Bus(serial_port(port, made.baud), self.clock, names, timeout_s)
         self.drive = ServoDrive(self.line, self.clock, made.handles)
         self.actuators = Guard(self.drive)
-        self.board = boards.prints()[made.board].geometry
+        self.board = boards.all_boards()[made.board].geometry
         self.camera = VideoCamera(
             made.camera.source,
             made.camera.geometry(),

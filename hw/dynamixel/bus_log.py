@@ -24,7 +24,7 @@ MAGIC = b"ENDOBUS1"
 _HEAD = Struct("<dBH")
 
 
-class Record(NamedTuple):
+class Chunk(NamedTuple):
     """Bytes that went one way together."""
 
     t: float
@@ -76,7 +76,7 @@ class BusLog:
             self._fd = -1
 
 
-def read(path: Path) -> Iterator[Record]:
+def read(path: Path) -> Iterator[Chunk]:
     """Yield the records of a log, up to its last whole one.
 
     Raises:
@@ -94,7 +94,7 @@ def read(path: Path) -> Iterator[Record]:
         at += _HEAD.size
         if at + size > len(data):
             return
-        yield Record(t, bool(came_in), data[at : at + size])
+        yield Chunk(t, bool(came_in), data[at : at + size])
         at += size
 
 
@@ -104,13 +104,13 @@ class Exchange(NamedTuple):
     t: float
     """When it went out [s]."""
     request: bytes
-    answers: tuple[Record, ...]
+    answers: tuple[Chunk, ...]
 
 
-def exchanges(records: Iterable[Record]) -> Iterator[Exchange]:
+def exchanges(records: Iterable[Chunk]) -> Iterator[Exchange]:
     """Group records by requests; what came before the first belongs to none."""
-    out: Record | None = None
-    answers: list[Record] = []
+    out: Chunk | None = None
+    answers: list[Chunk] = []
     for record in records:
         if record.came_in:
             answers.append(record)
@@ -135,7 +135,7 @@ class ReplayPort:
 
     def __init__(self, exchanges: Sequence[Exchange]) -> None:
         self._exchanges = exchanges
-        self._coming: list[Record] = []
+        self._coming: list[Chunk] = []
         self._now = 0.0
         self.place = 0
         """Number of the exchange that the next request should be."""

@@ -300,7 +300,7 @@ class ServoDrive:
             current=tuple(b.current * units.current_a * h.direction for b, h in currents),
             fresh=all(fresh),
             device_tick=tick,
-            target=self.angles([block.goal for block in blocks]),
+            goal=self.angles([block.goal for block in blocks]),
             silent=tuple(a for a, f in zip(self.axes, fresh, strict=True) if not f),
         )
 

@@ -20,11 +20,11 @@ class AnsweringBus(Protocol):
     def servos(self) -> Sequence[Servo]:
         """What is on the line."""
 
-    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
+    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
         """Take bytes in, return answers."""
 
 
-class Emulator:
+class BusServer:
     """A bus at the end of a line.
 
     Args:
@@ -43,7 +43,7 @@ class Emulator:
             return False
         came = time.monotonic()
         baud = self.line.baud
-        answers = self.bus.hear(data, baud)
+        answers = self.bus.respond(data, baud)
         if self.paced:
             size = len(data) + sum(map(len, answers))
             delay_s = sum(servo.return_delay_s for servo in self.bus.servos[: len(answers)])

@@ -52,7 +52,7 @@ class EmulatedBus:
             Instruction.BULK_WRITE: self._bulk_write,
         }
 
-    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
+    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
         """Take bytes from the host in, return the answers in their order.
 
         Args:

@@ -35,7 +35,7 @@ class Loopback:
     def send(self, data: bytes) -> None:
         """Write all bytes, and have them answered."""
         self._check()
-        for answer in self._bus.hear(data, self._baud):
+        for answer in self._bus.respond(data, self._baud):
             self._coming += answer
 
     def receive(self, timeout_s: float) -> bytes:

@@ -97,13 +97,13 @@ class FaultyBus:
         self.struck = 0
         """Packets that chance has struck so far."""
 
-    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes in, return answers; see `EmulatedBus.hear`."""
+    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
+        """Take bytes in, return answers; see `EmulatedBus.respond`."""
         self.happen()
         if self._silent():
             return []
         arrived = b"".join(self._spoilt(packet, request=True) for packet in _packets(data))
-        answers = self._bus.hear(arrived, baud)
+        answers = self._bus.respond(arrived, baud)
         now, self._held = self._held, []
         return now + [self._spoilt(answer, request=False) for answer in answers]
 

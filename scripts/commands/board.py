@@ -19,7 +19,7 @@ from rich.console import Console
 import endolock
 from endolock.hw import boards
 from endolock.hw.api import ConfigError
-from endolock.hw.boards import Print
+from endolock.hw.boards import PrintedBoard
 from endolock.scripts.figures import board_svg
 from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.playback import Course
@@ -67,13 +67,13 @@ def main(request: Request) -> int:
     return 0
 
 
-def find(kind: str) -> Print:
+def find(kind: str) -> PrintedBoard:
     """Return a board by name.
 
     Raises:
         ConfigError: there is none of that name.
     """
-    known = boards.prints()
+    known = boards.all_boards()
     if kind not in known:
         raise ConfigError(f"kind '{kind}' is unknown", f"use {', '.join(sorted(known))}")
     return known[kind]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Image
-from endolock.hw.boards import Patch, Print
+from endolock.hw.boards import Patch, PrintedBoard
 from endolock.twin.model import drawing
 
 MODULES = 6
@@ -17,7 +17,7 @@ MARGIN_MM = 10.0
 RULER_MM = 50.0
 
 
-def sheet(board: Print) -> str:
+def sheet(board: PrintedBoard) -> str:
     """Draw a board as an SVG of true size, with a line to cut along and a ruler below.
 
     Args:
@@ -43,7 +43,7 @@ print at 100 %; this line is {RULER_MM:g} mm</text>
 """
 
 
-def elements(board: Print) -> str:
+def elements(board: PrintedBoard) -> str:
     """Draw what is on a board as SVG elements [mm], from its centre, right and down."""
     geometry = board.geometry
     half = geometry.size_m * 500

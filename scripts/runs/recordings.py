@@ -37,7 +37,7 @@ def open_(
     Raises:
         ConfigError: something is missing or cannot be read.
     """
-    known = boards.prints()
+    known = boards.all_boards()
     if board is not None and board not in known:
         raise ConfigError(f"board '{board}' is unknown", f"use {', '.join(known)}")
     geometry = known[board].geometry if board else boards.standard()

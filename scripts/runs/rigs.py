@@ -154,8 +154,8 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
         bench = bench_file.load(file)
         if not all(handle.zero_counts is not None for handle in bench.handles.values()):
             raise ConfigError(
-                f"{file or bench_file.USUAL} tells no zero_counts of both handles, so their ranges "
-                "would start anew with every run",
+                f"{file or bench_file.DEFAULT_FILE} tells no zero_counts of both handles, so their "
+                "ranges would start anew with every run",
                 "straighten the endoscope, then run endolock doctor --port PORT --set-up",
             )
         return bench

@@ -181,7 +181,7 @@ class RunFolder:
             "position_rad": s.position,
             "velocity_rad_s": s.velocity,
             "current_a": s.current,
-            "target_rad": s.target,
+            "target_rad": s.goal,
             "clipped": s.clipped,
             "fresh": s.fresh,
             "mode": s.mode,

@@ -213,10 +213,10 @@ def test_an_interrupt_is_a_safe_end() -> None:
         assert result.interrupted
         assert result.ticks[-1].t == pytest.approx(0.52)
         assert rig.actuators.mode is Mode.HOLDING
-        goal = rig.actuators.exchange(None).target
+        goal = rig.actuators.exchange(None).goal
         for t in (0.8, 1.1, 1.4):  # the motors' own watchdog wants to hear of somebody
             rig.clock.sleep_until(t)
-            assert rig.actuators.exchange(None).target == goal
+            assert rig.actuators.exchange(None).goal == goal
 
 
 def test_a_law_that_gives_nan_is_stopped() -> None:
@@ -270,7 +270,7 @@ def test_without_pictures_the_handles_hold_and_the_lock_is_lost() -> None:
     dead = [t for t in result.ticks if 1.0 + loop.BLIND_S + 0.05 < t.t < 5.0]
     assert {t.status for t in dead} == {Status.LOST}
     assert {t.state.mode for t in dead} == {Mode.HOLDING}
-    assert len({t.state.target for t in dead}) == 1
+    assert len({t.state.goal for t in dead}) == 1
     assert result.ticks[-1].status is Status.TRACKING
     assert law.resets == 2  # when it began, and when pictures came again
 

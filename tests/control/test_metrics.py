@@ -72,7 +72,7 @@ def tick(
         position=position,
         velocity=velocity,
         current=(0.0, 0.0),
-        target=position,
+        goal=position,
         clipped=(0, 0),
         fresh=True,
         mode=Mode.ENABLED,

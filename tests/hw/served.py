@@ -14,7 +14,7 @@ from tests.hw.emulated import LagMotor
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Parser
-from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.pty_line import PtyLine
 from endolock.hw.emulator.servo_model import Servo
@@ -28,10 +28,10 @@ class HeardBus(EmulatedBus):
         self._heard = Parser()
         self.asked: set[int] = set()
 
-    def hear(self, data: bytes, baud: int | None = None) -> list[bytes]:
+    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
         """Take bytes in, return answers."""
         self.asked |= {packet.instruction for packet in self._heard.feed(data)}
-        return super().hear(data, baud)
+        return super().respond(data, baud)
 
 
 class Served:
@@ -39,7 +39,7 @@ class Served:
 
     def __init__(self, *servos: Servo, link: Path | None = None) -> None:
         self.bus, self.line = HeardBus(servos), PtyLine(link)
-        self._emulator = Emulator(self.bus, self.line)
+        self._emulator = BusServer(self.bus, self.line)
         self._stop, self.pull = Event(), Event()
         """While set, the plug is pulled."""
         self._thread = Thread(target=self._run)

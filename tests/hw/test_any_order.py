@@ -51,7 +51,7 @@ class AnyOrder(RuleBasedStateMachine):
         except (StateError, LinkError, DeviceFault):
             return
         assert was not in (Mode.DISCONNECTED, Mode.FAULT)
-        assert all(abs(t - b) <= STEP_RAD for t, b in zip(state.target, before, strict=True))
+        assert all(abs(t - b) <= STEP_RAD for t, b in zip(state.goal, before, strict=True))
         assert all(motor.on for motor in self.bench.motors)
 
     @rule(up_down=st.floats(-4, 4), left_right=st.floats(-4, 4), pause_s=st.floats(0.0, 0.1))

@@ -34,7 +34,7 @@ def follow(guard: Guard, position: tuple[float, float] | None, duration_s: float
 
 def advanced(before: State, after: State) -> bool:
     """Whether the goals of both axes have grown."""
-    return all(b > a for a, b in zip(before.target, after.target, strict=True))
+    return all(b > a for a, b in zip(before.goal, after.goal, strict=True))
 
 
 def test_connecting_leaves_the_motors_off(make: Make) -> None:
@@ -60,9 +60,9 @@ def test_enable_is_bumpless(guard: Guard) -> None:
     follow(guard, None, 0.2)
     state = guard.enable()
     assert state.mode is Mode.HOLDING
-    assert state.target == state.position  # exactly: both are whole encoder steps
+    assert state.goal == state.position  # exactly: both are whole encoder steps
     for later in follow(guard, None, 0.5):
-        assert later.target == state.target
+        assert later.goal == state.goal
         assert later.position == pytest.approx(state.position, abs=SAG_RAD)  # takes up the load
 
 
@@ -83,7 +83,7 @@ def test_hold_freezes_the_goal_until_the_next_command(guard: Guard) -> None:
     guard.hold()
     held = follow(guard, None, 0.3)
     assert {state.mode for state in held} == {Mode.HOLDING}
-    assert {state.target for state in held} == {moving.target}
+    assert {state.goal for state in held} == {moving.goal}
     going_on = follow(guard, (0.9, 0.9), 0.04)[-1]
     assert going_on.mode is Mode.ENABLED
     assert advanced(moving, going_on)
@@ -98,7 +98,7 @@ def test_an_expired_command_becomes_a_hold(guard: Guard) -> None:
     assert {state.mode for state in valid} == {Mode.ENABLED}
     assert all(advanced(a, b) for a, b in pairwise(valid))  # it went on without a command
     assert {state.mode for state in over} == {Mode.HOLDING}
-    assert len({state.target for state in over}) == 1
+    assert len({state.goal for state in over}) == 1
 
 
 def test_home_makes_here_the_zero(guard: Guard) -> None:
@@ -144,7 +144,7 @@ def test_a_command_within_limits_is_reached(guard: Guard) -> None:
     state = follow(guard, (0.4, -0.3), 1.0)[-1]
     assert state.mode is Mode.ENABLED
     assert state.clipped == (0, 0)
-    assert state.target == pytest.approx((0.4, -0.3), abs=STEP_RAD / 2)  # nearest step
+    assert state.goal == pytest.approx((0.4, -0.3), abs=STEP_RAD / 2)  # nearest step
     assert state.position == pytest.approx((0.4, -0.3), abs=SAG_RAD)  # under load
 
 
@@ -154,7 +154,7 @@ def test_over_limit_is_clipped_and_says_which_way(guard: Guard, sign: int) -> No
     states = follow(guard, (sign * 99.0, -sign * 99.0), 3.0)
     (low_ud, high_ud), (low_lr, high_lr) = guard.limits.position_rad
     end = (high_ud, low_lr) if sign > 0 else (low_ud, high_lr)
-    assert states[-1].target == pytest.approx(end, abs=STEP_RAD / 2)  # nearest step
+    assert states[-1].goal == pytest.approx(end, abs=STEP_RAD / 2)  # nearest step
     assert {state.clipped for state in states} == {(sign, -sign)}
     back = follow(guard, (0.0, 0.0), 3.0)
     assert back[0].clipped == (-sign, sign)  # not there yet: slew clips too
@@ -178,7 +178,7 @@ def test_the_goal_is_never_faster_than_allowed(
     make: Make, moves: list[tuple[float, float, float, str]]
 ) -> None:
     with make() as guard:
-        last, at = guard.enable().target, guard.clock.now()
+        last, at = guard.enable().goal, guard.clock.now()
         for up_down, left_right, pause_s, kind in moves:
             guard.clock.sleep_until(at + pause_s)
             if kind == "hold":
@@ -188,10 +188,10 @@ def test_the_goal_is_never_faster_than_allowed(
             step_s = min(now - at, GuardSettings().max_slew_step_s)  # no leap after a pause
             for i, speed in enumerate(guard.limits.velocity_rad_s):
                 # Both goals are rounded to half a step.
-                assert abs(state.target[i] - last[i]) <= speed * step_s + STEP_RAD
+                assert abs(state.goal[i] - last[i]) <= speed * step_s + STEP_RAD
                 low, high = guard.limits.position_rad[i]
-                assert low - STEP_RAD / 2 <= state.target[i] <= high + STEP_RAD / 2  # rounded
-            last, at = state.target, now
+                assert low - STEP_RAD / 2 <= state.goal[i] <= high + STEP_RAD / 2  # rounded
+            last, at = state.goal, now
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_nonsense_is_refused_and_the_previous_goal_stays(
     assert caught.value.axis == axis
     assert caught.value.t == guard.clock.now()
     after = follow(guard, None, 0.1)[-1]  # time enough to move, and too little to expire
-    assert (after.target, after.mode) == (before.target, Mode.ENABLED)
+    assert (after.goal, after.mode) == (before.goal, Mode.ENABLED)
 
 
 def test_numpy_numbers_will_do(guard: Guard) -> None:

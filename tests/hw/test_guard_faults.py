@@ -61,9 +61,9 @@ def test_a_following_error_needs_both_distance_and_time(make: Make) -> None:
         near, far = (up_down, start + 0.45), (up_down, start + 0.6)  # either side of 0.5 rad
         for _ in range(3):
             stays = exchange(guard, 50, near)[-1]
-            assert stays.target[1] - stays.position[1] > 0.4  # behind, for long
+            assert stays.goal[1] - stays.position[1] > 0.4  # behind, for long
             leaves = exchange(guard, 5, far)[-1]
-            assert leaves.target[1] - leaves.position[1] > 0.5  # too far, for 0.1 s
+            assert leaves.goal[1] - leaves.position[1] > 0.5  # too far, for 0.1 s
         with pytest.raises(DeviceFault):
             exchange(guard, 50, far)
 
@@ -80,7 +80,7 @@ def test_one_lost_answer_only_says_so(bench: BenchDrive) -> None:
         (lost,) = exchange(guard, 1, (0.9, 0.9))
         assert not lost.fresh
         assert (lost.t, lost.position) == (before.t, before.position)  # the last measurements
-        assert all(b > a for a, b in zip(before.target, lost.target, strict=True))  # goes on
+        assert all(b > a for a, b in zip(before.goal, lost.goal, strict=True))  # goes on
         bench.answers = True
         (found,) = exchange(guard, 1, (0.9, 0.9))
         assert found.fresh
@@ -191,7 +191,7 @@ def test_handles_that_do_not_answer_are_not_enabled(bench: BenchDrive) -> None:
         assert not bench.on
         bench.answers = True
         # To the nearest half step of the encoder.
-        assert guard.enable().target == pytest.approx((0.9, 0.9), abs=bench.STEP_RAD / 2)
+        assert guard.enable().goal == pytest.approx((0.9, 0.9), abs=bench.STEP_RAD / 2)
 
 
 def test_a_fault_while_enabling_is_latched(bench: BenchDrive) -> None:
@@ -220,7 +220,7 @@ def test_a_lost_link_leaves_the_goal_where_it_was(bench: BenchDrive) -> None:
         guard.clock.sleep_until(guard.clock.now() + 1.0)
         bench.transfer(None)
         # The handles went on to the goal in force, not back to the last position heard of.
-        assert all(h >= p for h, p in zip(bench.handle, last.target, strict=True))
+        assert all(h >= p for h, p in zip(bench.handle, last.goal, strict=True))
 
 
 def test_age_counts_from_connecting(bench: BenchDrive) -> None:
@@ -253,7 +253,7 @@ def test_without_torque_the_goal_is_where_the_handles_are(bench: BenchDrive) -> 
         exchange(guard, 60, (0.9, 0.9))
         guard.disable()
         bench.handle = (0.0, 0.0)
-        assert exchange(guard, 1)[0].target == (0.0, 0.0)
+        assert exchange(guard, 1)[0].goal == (0.0, 0.0)
 
 
 def test_a_new_zero_forgets_the_old_history(guard: Guard) -> None:

@@ -225,7 +225,7 @@ def test_the_handle_is_read_through_its_encoder() -> None:
             state = rig.actuators.exchange(Command(position=(0.3, -0.2)))
             rig.clock.sleep_until(0.02 * n)
     step = rig.plant.instrument.encoder_step_rad
-    counts = np.array(state.position + state.target) / step
+    counts = np.array(state.position + state.goal) / step
     assert counts == pytest.approx(np.round(counts), abs=1e-9)  # whole counts; float division
     # the servo has no integral part and droops by 7-8 mrad under the wires' load
     assert state.position == pytest.approx((0.3, -0.2), abs=0.012)

@@ -30,7 +30,7 @@ from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import Leaving
+from endolock.hw.lifecycle import ClosingRig
 from endolock.twin.hil.hil_server import Ready, Setup
 from endolock.twin.physics import motor
 from endolock.twin.rig import load
@@ -45,7 +45,7 @@ FAREWELL_S = 10.0
 """The far end gets so long to end [s]."""
 
 
-class HilRig(Leaving):
+class HilRig(ClosingRig):
     """A twin behind a serial line; see `TwinRig`.
 
     Args:

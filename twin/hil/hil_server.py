@@ -20,7 +20,7 @@ from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.camera.picture_stream import PictureStream
 from endolock.hw.dynamixel import registers as reg
-from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.pty_line import PtyLine
 from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
@@ -98,7 +98,7 @@ class FarEnd:
             if self.stream:
                 self.stream.close()
             raise
-        self.emulator = Emulator(bus, self.line, paced=setup.paced)
+        self.emulator = BusServer(bus, self.line, paced=setup.paced)
         self._plugs = [f for f in setup.faults if f.kind == "unplug"]
         for servo in self.rig.servos:
             servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))

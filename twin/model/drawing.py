@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Image
-from endolock.hw.boards import Print
+from endolock.hw.boards import PrintedBoard
 from endolock.twin.model import tissue
 
 CENTRE_M = 0.044
@@ -22,7 +22,7 @@ INK = (26, 24, 28)
 RED = (178, 34, 48)
 
 
-def picture(board: Print, side_m: float, texels_per_mm: int) -> Image:
+def picture(board: PrintedBoard, side_m: float, texels_per_mm: int) -> Image:
     """Draw the middle of a board as it is printed, RGB.
 
     Args:

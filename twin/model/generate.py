@@ -55,7 +55,7 @@ def _wrapped(text: str) -> str:
 def main() -> None:
     """Write all files."""
     place = folder()
-    for name, image in scene.pictures(boards.prints()["rings"]).items():
+    for name, image in scene.pictures(boards.all_boards()["rings"]).items():
         file = place / scene.TEXTURES[name]
         file.parent.mkdir(exist_ok=True)
         cv2.imwrite(str(file), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))

@@ -64,7 +64,7 @@ def camera_at_rest(instrument: Instrument) -> Vector:
     return np.array([instrument.bending_length_m + instrument.rigid_tip_m, 0.0, 0.0])
 
 
-def pictures(board: boards.Print) -> dict[str, Image]:
+def pictures(board: boards.PrintedBoard) -> dict[str, Image]:
     """Draw what `TEXTURES` names."""
     return {
         "board": drawing.picture(board, boards.SIZE_M, drawing.TEXELS_PER_MM),
@@ -269,7 +269,7 @@ def build(
     """
     instrument = instrument or Instrument()
     spec = section.build(instrument, numerics)
-    printed = boards.prints()[board]
+    printed = boards.all_boards()[board]
     add_scene(spec, printed.geometry, camera_at_rest(instrument), occluders, facets)
     for name, image in pictures(printed).items():
         texture = spec.texture(name)

@@ -44,7 +44,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motor:
+class FoundMotor:
     """What was read of one motor."""
 
     id: int
@@ -75,7 +75,7 @@ def refused(name: str, error: EndolockError) -> Finding:
     return Finding(name, False, text, advice or "correct that, then run this again")
 
 
-def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> list[Motor]:
+def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> list[FoundMotor]:
     """Find all motors on an open port, at every baud rate, and read them.
 
     Raises:
@@ -94,7 +94,7 @@ def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> li
     return sorted((read(line, *place) for place in places), key=lambda motor: motor.id)
 
 
-def read(line: Port, device: int, baud: int) -> Motor:
+def read(line: Port, device: int, baud: int) -> FoundMotor:
     """Read what matters of one motor.
 
     Raises:
@@ -103,7 +103,7 @@ def read(line: Port, device: int, baud: int) -> Motor:
     line.set_baud(baud)
     bus = Bus(line, WallClock(), {}, ANSWER_S)
     model, firmware = bus.ping(device)
-    return Motor(
+    return FoundMotor(
         id=device,
         model=model,
         firmware=firmware,
@@ -116,7 +116,7 @@ def read(line: Port, device: int, baud: int) -> Motor:
     )
 
 
-def judge(motors: Sequence[Motor], path: str) -> list[Finding]:
+def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
     """Judge what was found on a port, one row for each question."""
     if not motors:
         text = f"none answers at any rate from {reg.BAUDS[0]} to {reg.BAUDS[-1]} baud"
@@ -132,7 +132,7 @@ def judge(motors: Sequence[Motor], path: str) -> list[Finding]:
             f"registers of {', '.join(strange)} may lie elsewhere; use X series of the size 430 or "
             "540, such as XM430-W350"
         )
-    away = "move bench.toml away, " if bench_file.USUAL.exists() else ""
+    away = "move bench.toml away, " if bench_file.DEFAULT_FILE.exists() else ""
     cure = (
         f"{away}straighten the endoscope, then endolock doctor --port {shlex.quote(path)} --set-up"
     )
@@ -145,17 +145,17 @@ def judge(motors: Sequence[Motor], path: str) -> list[Finding]:
     return [*rows, _bench(motors, cure)]
 
 
-class Check(NamedTuple):
+class MotorCheck(NamedTuple):
     """One question to all motors."""
 
     name: str
-    value: Callable[[Motor], str]
-    bad: Callable[[Motor], bool]
+    value: Callable[[FoundMotor], str]
+    bad: Callable[[FoundMotor], bool]
     advice: str
     """What to do where one is bad."""
 
 
-def _errors(motor: Motor) -> str:
+def _errors(motor: FoundMotor) -> str:
     told = [
         f"{what} ({kind}): {first}"
         for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items()
@@ -164,52 +164,52 @@ def _errors(motor: Motor) -> str:
     return ", ".join(told) or (hex(motor.hardware_error) if motor.hardware_error else "none")
 
 
-def _watchdog(motor: Motor) -> str:
+def _watchdog(motor: FoundMotor) -> str:
     if motor.watchdog == reg.TRIPPED:
         return "has stopped the motor"
     return f"{motor.watchdog * reg.WATCHDOG_UNIT_S:g} s" if motor.watchdog else "off"
 
 
 CHECKS = (
-    Check(
+    MotorCheck(
         "firmware",
         lambda m: str(m.firmware),
         lambda m: m.firmware < reg.OLDEST_FIRMWARE,
         f"below {reg.OLDEST_FIRMWARE} there is no bus watchdog: update it with the maker's "
         "DYNAMIXEL Wizard",
     ),
-    Check(
+    MotorCheck(
         "baud",
         lambda m: str(m.baud),
         lambda m: m.baud < BAUD,
         "that is slow, the factory's 57600 leave 55 cycles/s: SET-UP",
     ),
-    Check(
+    MotorCheck(
         "return delay",
         lambda m: f"{m.return_delay} ({2 * m.return_delay} us)" if m.return_delay else "0",
         lambda m: m.return_delay != 0,
         "so long every answer waits: SET-UP",
     ),
-    Check(
+    MotorCheck(
         "homing offset",
         lambda m: str(m.homing_offset),
         lambda m: m.homing_offset != 0,
         "with one a motor creeps after its watchdog has stopped it: SET-UP",
     ),
-    Check(
+    MotorCheck(
         "hardware error",
         _errors,
         lambda m: m.hardware_error != 0,
         "do that, then switch the motors' supply off and on, or clear_fault()",
     ),
-    Check(
+    MotorCheck(
         "watchdog",
         _watchdog,
         lambda m: m.watchdog == reg.TRIPPED,
         "its program went silent; what connects next relaxes the motor and clears this, so does "
         "switching the supply off: hold the endoscope",
     ),
-    Check(
+    MotorCheck(
         "torque",
         lambda m: "on" if m.torque else "off",
         lambda m: m.torque != 0,
@@ -220,10 +220,12 @@ CHECKS = (
 """In the order of the rows."""
 
 
-def _bench(motors: Sequence[Motor], cure: str) -> Finding:
+def _bench(motors: Sequence[FoundMotor], cure: str) -> Finding:
     """See that the motors are those of the bench file here, or of the defaults."""
     name = (
-        f"{bench_file.USUAL}:" if bench_file.USUAL.exists() else f"no {bench_file.USUAL} here, so"
+        f"{bench_file.DEFAULT_FILE}:"
+        if bench_file.DEFAULT_FILE.exists()
+        else f"no {bench_file.DEFAULT_FILE} here, so"
     )
     try:
         bench = bench_file.load()

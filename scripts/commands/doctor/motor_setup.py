@@ -17,7 +17,13 @@ from endolock.hw.dynamixel.port import Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_setup import RESTART_S
 from endolock.scripts.commands.doctor.examination import Finding
-from endolock.scripts.commands.doctor.motor_checks import ANSWER_S, BAUD, MODELS, Motor, refused
+from endolock.scripts.commands.doctor.motor_checks import (
+    ANSWER_S,
+    BAUD,
+    MODELS,
+    FoundMotor,
+    refused,
+)
 
 WARNING = (
     "set-up: the motors relax and restart, and where they stand becomes their zero: the endoscope "
@@ -38,7 +44,7 @@ def check() -> None:
     Raises:
         ConfigError: it cannot, or there is one.
     """
-    path = bench_file.USUAL
+    path = bench_file.DEFAULT_FILE
     if path.exists():
         raise ConfigError(
             f"{path} exists, so nothing was set up",
@@ -51,7 +57,7 @@ def check() -> None:
         )
 
 
-def set_up(line: Port, motors: Sequence[Motor]) -> Finding:
+def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
     """Set two motors up and write bench.toml; the one with the lower id gets up_down.
 
     Torque goes off. What is kept without power is written only where it differs, for that memory
@@ -79,14 +85,14 @@ def set_up(line: Port, motors: Sequence[Motor]) -> Finding:
             axis: Handle(id=motor.id, zero_counts=zero)
             for axis, motor, zero in zip(AXES, motors, zeros, strict=True)
         }
-        bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.USUAL)
+        bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.DEFAULT_FILE)
     except EndolockError as error:
         return refused("set-up", error)
     told += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
-    return Finding("set-up", True, f"{'; '.join(told)}; wrote {bench_file.USUAL}")
+    return Finding("set-up", True, f"{'; '.join(told)}; wrote {bench_file.DEFAULT_FILE}")
 
 
-def _accept(motors: Sequence[Motor]) -> None:
+def _accept(motors: Sequence[FoundMotor]) -> None:
     """See that these are two motors whose registers are known.
 
     Raises:
@@ -107,7 +113,7 @@ def _accept(motors: Sequence[Motor]) -> None:
             )
 
 
-def _write(bus: Bus, motor: Motor) -> list[str]:
+def _write(bus: Bus, motor: FoundMotor) -> list[str]:
     """Write what differs to a motor without torque; say what did."""
     bus.port.set_baud(motor.baud)
     told = []

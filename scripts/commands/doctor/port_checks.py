@@ -14,7 +14,13 @@ from endolock.hw.api import EndolockError
 from endolock.hw.dynamixel.port import BY_ID, Port, serial_port
 from endolock.scripts.commands.doctor import motor_checks
 from endolock.scripts.commands.doctor.examination import Finding
-from endolock.scripts.commands.doctor.motor_checks import BAUD, SEARCHES_S, Motor, Tell, refused
+from endolock.scripts.commands.doctor.motor_checks import (
+    BAUD,
+    SEARCHES_S,
+    FoundMotor,
+    Tell,
+    refused,
+)
 
 TIMER_MS = 1
 """The shortest time for which an FTDI adapter keeps what came before it hands it on [ms]."""
@@ -80,7 +86,7 @@ def examine(
     path: str,
     tell: Tell,
     *,
-    change: Callable[[Port, list[Motor]], Finding] | None = None,
+    change: Callable[[Port, list[FoundMotor]], Finding] | None = None,
     by_id: Path = BY_ID,
     searches_s: Sequence[float] = SEARCHES_S,
 ) -> list[Finding]:

@@ -26,7 +26,7 @@ def state(position: tuple[float, float] = (0.0, 0.0), clipped: tuple[int, int] =
         position=position,
         velocity=(0.0, 0.0),
         current=(0.0, 0.0),
-        target=position,
+        goal=position,
         clipped=clipped,
         fresh=True,
         mode=Mode.ENABLED,

@@ -125,7 +125,7 @@ def _state(t: float, handles: tuple[float, float]) -> State:
         position=handles,
         velocity=(0.0, 0.0),
         current=(0.0, 0.0),
-        target=handles,
+        goal=handles,
         clipped=(0, 0),
         fresh=True,
         mode=Mode.ENABLED,

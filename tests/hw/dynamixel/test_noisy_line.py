@@ -76,7 +76,7 @@ def test_nothing_wrong_is_believed(kinds: tuple[str, ...], period_s: float) -> N
         if state.fresh:
             assert state.position == cycle.position  # to the bit: whole counts
             # A goal in force during this exchange, not that which was sent and got lost.
-            assert state.target in (cycle.goal, in_force)
+            assert state.goal in (cycle.goal, in_force)
             assert state.t == pytest.approx((n + 1) * period_s, abs=1e-9)  # rounding
         else:  # flagged: each either new, or the last that was known
             rows = zip(state.position, cycle.position, known, strict=True)

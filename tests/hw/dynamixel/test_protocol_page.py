@@ -43,10 +43,10 @@ class Still:
 class Talk(NamedTuple):
     """What went over the line, by what it was for."""
 
-    connect: list[bus_log.Record]
-    enable: list[bus_log.Record]
-    cycle: list[bus_log.Record]
-    leave: list[bus_log.Record]
+    connect: list[bus_log.Chunk]
+    enable: list[bus_log.Chunk]
+    cycle: list[bus_log.Chunk]
+    leave: list[bus_log.Chunk]
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def talk(tmp_path_factory: pytest.TempPathFactory) -> Talk:
     bus.record(path)
     units, step, seen = reg.Units(), reg.Units().position_rad, 0
 
-    def said() -> list[bus_log.Record]:
+    def said() -> list[bus_log.Chunk]:
         nonlocal seen
         records = list(bus_log.read(path))
         new, seen = records[seen:], len(records)
@@ -96,12 +96,12 @@ def rows(heading: str) -> list[dict[str, str]]:
     return [dict(zip(names, row, strict=True)) for row in cells]
 
 
-def asked(records: list[bus_log.Record]) -> list[Packet]:
+def asked(records: list[bus_log.Chunk]) -> list[Packet]:
     """Return the requests among records."""
     return [p for r in records if not r.came_in for p in Parser().feed(r.data)]
 
 
-def requests(records: list[bus_log.Record], device: int) -> list[tuple[str, str, bytes]]:
+def requests(records: list[bus_log.Chunk], device: int) -> list[tuple[str, str, bytes]]:
     """Return what one motor was asked: instruction, register, what was written."""
     names = {r.address: n for n, r in vars(reg).items() if isinstance(r, reg.Register)}
     found = []

@@ -20,10 +20,10 @@ Lose = Callable[[int, int, bytes], bool]
 
 def losing(bench: Emulated, lose: Lose, *, late: bool = False) -> None:
     """Let a line lose some requests, or deliver every answer one request late."""
-    honest = bench.wire.hear
+    honest = bench.wire.respond
     held: list[bytes] = []
 
-    def hear(data: bytes, baud: int | None = None) -> list[bytes]:
+    def respond(data: bytes, baud: int | None = None) -> list[bytes]:
         nonlocal held
         lost = any(lose(*packet) for packet in Parser().feed(data))
         answers = [] if lost else honest(data, baud)
@@ -32,7 +32,7 @@ def losing(bench: Emulated, lose: Lose, *, late: bool = False) -> None:
         told, held = held, answers
         return told
 
-    bench.wire.hear = hear  # type: ignore[method-assign]  # it is the line that is on trial
+    bench.wire.respond = respond  # type: ignore[method-assign]  # it is the line that is on trial
 
 
 def torque_off_of(motor: int) -> Lose:
@@ -152,11 +152,11 @@ def test_whole_turns_survive_a_recovery_that_fails_half_way() -> None:
             lost.append(instruction == Instruction.SYNC_READ and True not in lost)
             return lost[-1]
 
-        honest = bench.wire.hear
+        honest = bench.wire.respond
         losing(bench, lose_a_cycle)
         with pytest.raises(LinkLost, match="does not answer to a sync read"):
             guard.clear_fault()
-        bench.wire.hear = honest  # type: ignore[method-assign]
+        bench.wire.respond = honest  # type: ignore[method-assign]
         guard.clear_fault()
         assert guard.enable().position == pytest.approx(before, abs=STEP_RAD)  # droop
 

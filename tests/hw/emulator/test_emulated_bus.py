@@ -46,10 +46,10 @@ class Line:
         self.clock.servos = self.servos
         self.bus = EmulatedBus(self.servos, now)
 
-    def hear(self, data: bytes, baud: int | None = None) -> list[Packet]:
+    def respond(self, data: bytes, baud: int | None = None) -> list[Packet]:
         """Send bytes; return the answers, each of which is one whole packet."""
         found = []
-        for answer in self.bus.hear(data, baud):
+        for answer in self.bus.respond(data, baud):
             (packet,) = Parser().feed(answer)
             assert packet.instruction == Instruction.STATUS
             found.append(packet)
@@ -57,7 +57,7 @@ class Line:
 
     def ask(self, device: int, kind: int, parameters: bytes = b"") -> list[tuple[int, int, bytes]]:
         """Send a request; return id, error and data of each answer."""
-        answers = self.hear(encode(device, kind, parameters))
+        answers = self.respond(encode(device, kind, parameters))
         return [(p.id, p.parameters[0], p.parameters[1:]) for p in answers]
 
     @property
@@ -202,7 +202,7 @@ def test_in_a_sync_read_each_may_refuse(line: Line) -> None:
 def test_a_fast_sync_read_is_answered_in_one_packet(line: Line) -> None:
     line.first.fail("voltage")
     request = encode(BROADCAST, Instruction.FAST_SYNC_READ, of(reg.POSITION, (2, 1)))
-    (packet,) = line.hear(request)
+    (packet,) = line.respond(request)
     assert packet.id == BROADCAST
     parts = split_fast(packet.parameters, reg.POSITION.size)
     assert parts == [(0, 2, POSITION), (ALERT, 1, POSITION)]
@@ -337,20 +337,20 @@ def test_answers_of_others_are_not_answered(line: Line) -> None:
 
 def test_at_another_baud_rate_nobody_understands(line: Line) -> None:
     ping = encode(1, Instruction.PING)
-    assert len(line.hear(ping, 1_000_000)) == 1
-    assert line.hear(ping, 57_600) == []
+    assert len(line.respond(ping, 1_000_000)) == 1
+    assert line.respond(ping, 57_600) == []
     faster = encode(1, Instruction.WRITE, at(reg.BAUD, bytes([reg.BAUDS.index(3_000_000)])))
-    assert len(line.hear(faster, 1_000_000)) == 1
-    assert line.hear(ping, 1_000_000) == []
-    assert len(line.hear(ping, 3_000_000)) == 1
-    assert len(line.hear(encode(2, Instruction.PING), 1_000_000)) == 1
+    assert len(line.respond(faster, 1_000_000)) == 1
+    assert line.respond(ping, 1_000_000) == []
+    assert len(line.respond(ping, 3_000_000)) == 1
+    assert len(line.respond(encode(2, Instruction.PING), 1_000_000)) == 1
 
 
 @pytest.mark.parametrize("kind", [*EVERYTHING])
 def test_every_answer_tells_of_a_hardware_error(line: Line, kind: int) -> None:
     line.first.fail("overload")
     device = BROADCAST if kind in TO_ALL else 1
-    (packet,) = line.hear(encode(device, kind, EVERYTHING[kind]))
+    (packet,) = line.respond(encode(device, kind, EVERYTHING[kind]))
     assert packet.parameters[0] & ALERT
 
 
@@ -368,30 +368,30 @@ def test_a_damaged_request_is_not_answered_and_costs_only_itself(line: Line) -> 
     for place in range(7, len(write)):  # behind the length
         spoilt = bytearray(write)
         spoilt[place] ^= 0x10
-        assert [packet.id for packet in line.hear(bytes(spoilt) + ping)] == [2]
+        assert [packet.id for packet in line.respond(bytes(spoilt) + ping)] == [2]
     assert line.goals == (CENTRE, CENTRE)
 
 
 def test_a_request_may_come_in_pieces(line: Line) -> None:
     write = encode(1, Instruction.WRITE, GOAL)
     for byte in write[:-1]:
-        assert line.hear(bytes([byte])) == []
+        assert line.respond(bytes([byte])) == []
         line.wait(0.9 * UNFINISHED_S)
-    assert len(line.hear(write[-1:])) == 1
+    assert len(line.respond(write[-1:])) == 1
 
 
 def test_a_request_that_stops_half_way_is_given_up_after_a_while(line: Line) -> None:
     much, ping = encode(1, Instruction.WRITE, bytes(60)), encode(2, Instruction.PING)
-    assert line.hear(much[:10]) == []
+    assert line.respond(much[:10]) == []
     line.wait(0.9 * UNFINISHED_S)
-    assert line.hear(ping) == []  # taken for more of it
+    assert line.respond(ping) == []  # taken for more of it
     line.wait(1.1 * UNFINISHED_S)
-    assert [packet.id for packet in line.hear(ping)] == [2]
+    assert [packet.id for packet in line.respond(ping)] == [2]
 
 
 def test_two_requests_may_come_together(line: Line) -> None:
     both = encode(1, Instruction.WRITE, GOAL) + encode(1, Instruction.READ, of(reg.GOAL_POSITION))
-    assert [packet.parameters for packet in line.hear(both)] == [b"\0", b"\0" + pack("<i", 2200)]
+    assert [packet.parameters for packet in line.respond(both)] == [b"\0", b"\0" + pack("<i", 2200)]
 
 
 # The watchdog on the line.

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from tests.hw.emulated import Emulated
 
-from endolock.hw.emulator.bus_server import Emulator
+from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.pty_line import PtyLine
 
 pytestmark = pytest.mark.extra
@@ -30,7 +30,7 @@ CLOSE_RAD = 0.03
 def bench() -> Iterator[tuple[Emulated, str]]:
     """Serve two servos at the wall's pace; also tell where."""
     made, line, done = Emulated(), PtyLine(), threading.Event()
-    emulator, start = Emulator(made.wire, line), time.monotonic()
+    emulator, start = BusServer(made.wire, line), time.monotonic()
     for servo in made.servos:
         servo.reboot_s = 0.1
 

@@ -26,7 +26,7 @@ from endolock.vision.observation import Status
 
 SVG = "{http://www.w3.org/2000/svg}"
 TEXELS_PER_MM = 24
-KINDS = sorted(boards.prints())
+KINDS = sorted(boards.all_boards())
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -51,7 +51,7 @@ def test_the_sheet_has_its_size_in_mm_and_a_ruler(printed: Path) -> None:
 
 def test_every_marker_has_the_bits_of_the_dictionary(printed: Path) -> None:
     image = _raster(printed)
-    geometry = boards.prints()[printed.stem].geometry
+    geometry = boards.all_boards()[printed.stem].geometry
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     for marker, x, y, size in geometry.markers:
         side = round(size * 1e3 * TEXELS_PER_MM)
@@ -63,7 +63,7 @@ def test_every_marker_has_the_bits_of_the_dictionary(printed: Path) -> None:
 
 def test_the_sheet_is_the_board_of_the_twin(printed: Path) -> None:
     """Tissue included, which is random: it must be the same piece, not just some."""
-    drawn = drawing.picture(boards.prints()[printed.stem], boards.SIZE_M, TEXELS_PER_MM)
+    drawn = drawing.picture(boards.all_boards()[printed.stem], boards.SIZE_M, TEXELS_PER_MM)
     apart = np.abs(_raster(printed).astype(int) - drawn).max(axis=2)
     assert (apart > 8).mean() < 0.002  # rims, drawn with and without smoothing; tissue is 4 %
 
@@ -76,7 +76,7 @@ def test_the_eyes_find_the_sheet_where_it_is(printed: Path) -> None:
     view[top : top + len(sheet), left : left + len(sheet)] = sheet
     image = np.asarray(cv2.resize(view, (320, 300), interpolation=cv2.INTER_AREA), np.uint8)
     camera = Calibration(width=320, height=300, focal_px=240.0, centre_px=(159.5, 149.5))
-    geometry = boards.prints()[printed.stem].geometry
+    geometry = boards.all_boards()[printed.stem].geometry
     seen = MarkerEyes(camera, geometry)(_frame(image))
     assert seen.status is Status.TRACKING, seen.why
     x, y = (1e3 * c for c in geometry.target)
@@ -115,7 +115,7 @@ def test_the_page_holds_the_scenarios_board_and_nothing_from_outside(
     assert cli.main([*args, str(pages[1]), "--kind", "rings"]) == 0
     for path, kind in zip(pages, ("several", "rings"), strict=True):
         text = path.read_text()
-        assert board_svg.elements(boards.prints()[kind]) in text
+        assert board_svg.elements(boards.all_boards()[kind]) in text
         assert "<title>a&lt;b, board" in text
         assert "://" not in text
         assert not re.search(r'\b(src|href)="(?!data:)|@import|@[A-Z]+@', text)
@@ -153,7 +153,7 @@ def test_a_file_that_is_there_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "board.svg"
     path.write_text("old")
     assert cli.main(["board", "--out", str(path)]) == 0
-    assert path.read_text() == board_svg.sheet(boards.prints()["rings"])
+    assert path.read_text() == board_svg.sheet(boards.all_boards()["rings"])
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -13,9 +13,9 @@ from endolock.vision.detector import MarkerDetector, grey_of
 from endolock.vision.markers import MarkerEyes
 
 
-@pytest.mark.parametrize("kind", boards.prints())
+@pytest.mark.parametrize("kind", boards.all_boards())
 def test_every_marker_is_found_in_the_print(kind: str) -> None:
-    printed = boards.prints()[kind]
+    printed = boards.all_boards()[kind]
     geometry = printed.geometry
     found = {}
     for side_m, texels in ((boards.SIZE_M, drawing.TEXELS_PER_MM), (0.044, 24)):
@@ -28,9 +28,9 @@ def test_every_marker_is_found_in_the_print(kind: str) -> None:
     assert found.keys() == {i for i, *_ in geometry.markers}
 
 
-@pytest.mark.parametrize("kind", boards.prints())
+@pytest.mark.parametrize("kind", boards.all_boards())
 def test_nothing_overlaps(kind: str) -> None:
-    printed = boards.prints()[kind]
+    printed = boards.all_boards()[kind]
     squares = [(x, y, size / 2) for _, x, y, size in printed.geometry.markers]
     patches = [(p.x, p.y, p.radius) for p in printed.patches]
     for x, y, half in squares + patches:
@@ -50,7 +50,7 @@ def test_nothing_overlaps(kind: str) -> None:
                 assert modules == pytest.approx(round(modules))  # whole texels
 
 
-@pytest.mark.parametrize("kind", boards.prints())
+@pytest.mark.parametrize("kind", boards.all_boards())
 @pytest.mark.parametrize(
     "place",
     [

@@ -57,7 +57,7 @@ def test_committed_files_are_what_the_builders_write() -> None:
     place = generate.folder()
     assert (place / "section.xml").read_text() == generate.section_xml()
     assert (place / "scene.xml").read_text() == generate.scene_xml()
-    for name, image in scene.pictures(boards.prints()["rings"]).items():
+    for name, image in scene.pictures(boards.all_boards()["rings"]).items():
         picture = cv2.imread(str(place / scene.TEXTURES[name]))
         assert picture is not None
         assert np.array_equal(picture, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))

@@ -30,7 +30,7 @@ from endolock.scripts.commands.doctor import (
     port_checks,
 )
 from endolock.scripts.commands.doctor.examination import Finding
-from endolock.scripts.commands.doctor.motor_checks import Motor
+from endolock.scripts.commands.doctor.motor_checks import FoundMotor
 
 STEP_RAD = Units().position_rad
 SHORT = (0.1,)
@@ -46,7 +46,7 @@ NAMES = [
     "torque",
     "bench",
 ]
-GOOD = Motor(
+GOOD = FoundMotor(
     id=1,
     model=1020,
     firmware=45,
@@ -77,7 +77,7 @@ def examine(
     return port_checks.examine(path, lambda _: None, change=change, searches_s=searches_s)
 
 
-def set_up(line: Port, *motors: Motor) -> Finding:
+def set_up(line: Port, *motors: FoundMotor) -> Finding:
     return motor_setup.set_up(line, motors)
 
 
@@ -221,7 +221,7 @@ def test_looking_asks_and_changes_nothing() -> None:
         assert served.bus.asked == {Instruction.PING, Instruction.READ}
         assert [bytes(s._table[: reg.TICK.address]) for s in servos] == before
         assert red(findings) == ["baud", "return delay", "torque", "bench"]
-    assert not bench_file.USUAL.exists()
+    assert not bench_file.DEFAULT_FILE.exists()
 
 
 @pytest.mark.parametrize(
@@ -278,8 +278,8 @@ def test_motors_that_are_not_those_of_the_bench_file() -> None:
     )
     other = dataclasses.replace(GOOD, id=7)
 
-    def bench(text: str, *motors: Motor) -> Finding:
-        bench_file.USUAL.write_text(text)
+    def bench(text: str, *motors: FoundMotor) -> Finding:
+        bench_file.DEFAULT_FILE.write_text(text)
         *_, finding = motor_checks.judge(motors, "PORT")
         assert finding.name == "bench"
         return finding
@@ -336,7 +336,7 @@ def test_two_motors_with_one_id_are_not_touched(bauds: tuple[int, int]) -> None:
             "connect one alone, give it another id (docs/bench.md), then both",
         )
     ]
-    assert not bench_file.USUAL.exists()
+    assert not bench_file.DEFAULT_FILE.exists()
 
 
 def test_a_port_is_told_by_its_lasting_name(tmp_path: Path) -> None:
@@ -440,7 +440,7 @@ def test_a_set_up_that_is_refused_writes_nothing() -> None:
         motor = motor_checks.read(line, 5, 1_000_000)
         assert not set_up(line, motor).ok
         assert served.bus.asked == {Instruction.PING, Instruction.READ}
-    assert not bench_file.USUAL.exists()
+    assert not bench_file.DEFAULT_FILE.exists()
 
 
 def test_what_a_killed_program_left_is_put_right_and_no_more() -> None:
@@ -473,13 +473,13 @@ def test_a_motor_that_does_not_come_back_is_told() -> None:
         "motor 2 does not answer at 1000000 baud any more",
         "switch the motors' supply off and on, then run this again",
     )
-    assert not bench_file.USUAL.exists()
+    assert not bench_file.DEFAULT_FILE.exists()
 
 
 def test_set_up_wants_a_port_and_no_bench_file(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match=r"^--set-up goes with --port PORT; say on which port"):
         examination.main(examination.Request(set_up=True))
-    bench_file.USUAL.touch()
+    bench_file.DEFAULT_FILE.touch()
     text = (
         r"^bench\.toml exists, so nothing was set up; move it away to set up anew, or leave out "
         r"--set-up to look only$"
