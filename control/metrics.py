@@ -10,11 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
 from endolock.control.loop import Run, Seen, Tick
+from endolock.control.scores import (
+    ErrorExtent,
+    ErrorSummary,
+    HandleScores,
+    Scores,
+    TipScores,
+)
 from endolock.hw.api import Calibration, TruthSample, Vector
 from endolock.vision import camera_model
 from endolock.vision.observation import Status
@@ -30,7 +36,7 @@ BEHIND_PX = 1e4
 """Error of a target that is not ahead of the camera, and the largest of any [px]. Assumed."""
 
 
-def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str, Any]:
+def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
     """Compute every metric of a run.
 
     Args:
@@ -41,9 +47,8 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
             to lock are of the whole run.
 
     Returns:
-        Plain numbers by name; None where there is nothing to measure them by. On a bench, which
-        knows no truth, the true errors are None as a whole; vision's is told by markers around the
-        target, where it was followed without them.
+        The scores. On a bench, which knows no truth, the true errors are None; the error of vision
+        is then measured against the markers around a target that was followed without them.
     """
     begin = scored_from_s - 1e-9 + (run.ticks[0].t if run.ticks else 0.0)
     ticks = [tick for tick in run.ticks if tick.t >= begin]
@@ -54,21 +59,21 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> dict[str,
     on_a_bench = bool(run.ticks) and run.ticks[0].truth is None
     error = np.array([_radius(calibration, truth.target_px) for truth in known])
     degrees = np.array([truth.error_deg for truth in known])
-    return {
-        "overruns": sum(tick.skipped for tick in run.ticks),
-        "frames": len(run.seen),
-        "frames_dropped": sum(s.frame.dropped for s in run.seen),
-        "detected_fraction": _share([s.observation.status is Status.TRACKING for s in run.seen]),
-        "lost_fraction": _share([tick.status is Status.LOST for tick in run.ticks]),
-        "time_to_lock_s": _time_to_lock(run.ticks, calibration),
-        "error_px": None if on_a_bench else summary(error),
-        "error_deg": None if on_a_bench else _extent(degrees),
-        "delayed_error_px": summary(np.array(delayed)),
-        "vision_error_px": _vision_error(accepted, on_a_bench),
-        "handle": _handle(ticks),
-        "tip": None if on_a_bench else _tip(known),
-        "blur_px": _blur(ticks),
-    }
+    return Scores(
+        overruns=sum(tick.skipped for tick in run.ticks),
+        frames=len(run.seen),
+        frames_dropped=sum(s.frame.dropped for s in run.seen),
+        detected_fraction=_share([s.observation.status is Status.TRACKING for s in run.seen]),
+        lost_fraction=_share([tick.status is Status.LOST for tick in run.ticks]),
+        time_to_lock_s=_time_to_lock(run.ticks, calibration),
+        error_px=None if on_a_bench else summary(error),
+        error_deg=None if on_a_bench else _extent(degrees),
+        delayed_error_px=summary(np.array(delayed)),
+        vision_error_px=_vision_error(accepted, on_a_bench),
+        handle=_handle(ticks),
+        tip=None if on_a_bench else _tip(known),
+        blur_px=_blur(ticks),
+    )
 
 
 def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
@@ -76,31 +81,31 @@ def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
     return min(float(np.hypot(right, down)), BEHIND_PX) if isfinite(right) else BEHIND_PX
 
 
-def summary(error: Vector) -> dict[str, float | None]:
+def summary(error: Vector) -> ErrorSummary:
     """Sum errors up: rms, 95th percentile, largest, mean [px], and shares within 20 and 50 px.
 
     Args:
         error: distances from the image centre, n [px]; every figure is None for n = 0.
     """
     if not error.size:
-        return dict.fromkeys(("rms", "p95", "max", "mean", "within_20", "within_50"))
-    return {
-        "rms": rms(error),
-        "p95": float(np.percentile(error, 95)),
-        "max": float(error.max()),
-        "mean": float(error.mean()),
-        "within_20": float((error <= 20).mean()),
-        "within_50": float((error <= 50).mean()),
-    }
+        return ErrorSummary()
+    return ErrorSummary(
+        rms=rms(error),
+        p95=float(np.percentile(error, 95)),
+        max=float(error.max()),
+        mean=float(error.mean()),
+        within_20=float((error <= 20).mean()),
+        within_50=float((error <= 50).mean()),
+    )
 
 
-def _extent(error: Vector) -> dict[str, float | None]:
+def _extent(error: Vector) -> ErrorExtent:
     if not error.size:
-        return {"rms": None, "max": None}
-    return {"rms": rms(error), "max": float(error.max())}
+        return ErrorExtent()
+    return ErrorExtent(rms=rms(error), max=float(error.max()))
 
 
-def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> dict[str, float | None] | None:
+def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> ErrorExtent | None:
     """Distance of what was accepted from the truth; on a bench from the markers around it."""
     error = []
     for s in accepted:
@@ -123,11 +128,10 @@ def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | No
     return None
 
 
-def _handle(ticks: Sequence[Tick]) -> dict[str, Any]:
+def _handle(ticks: Sequence[Tick]) -> HandleScores:
     """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""
     if len(ticks) < 4 or ticks[-1].state.t <= ticks[0].state.t:
-        names = ("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg")
-        return dict.fromkeys(names)
+        return HandleScores()
     t = np.array([tick.state.t for tick in ticks])
     position = np.array([tick.state.position for tick in ticks])
     rate = np.array([tick.state.velocity for tick in ticks])
@@ -135,25 +139,25 @@ def _handle(ticks: Sequence[Tick]) -> dict[str, Any]:
     accel = np.diff(rate, axis=0) / dt
     jerk = np.diff(accel, axis=0) / dt
     reversals = sum(_reversals(axis.tolist()) for axis in position.T)
-    return {
-        "rate_rms": rms(np.linalg.norm(rate, axis=1)),
-        "accel_rms": rms(np.linalg.norm(accel, axis=1)),
-        "jerk_rms": rms(np.linalg.norm(jerk, axis=1)),
-        "travel_rad": float(np.abs(np.diff(position, axis=0)).sum()),
-        "reversals_per_s": reversals / float(t[-1] - t[0]),
-        "p2p_deg": np.degrees(np.ptp(position, axis=0)).tolist(),
-    }
+    return HandleScores(
+        rate_rms=rms(np.linalg.norm(rate, axis=1)),
+        accel_rms=rms(np.linalg.norm(accel, axis=1)),
+        jerk_rms=rms(np.linalg.norm(jerk, axis=1)),
+        travel_rad=float(np.abs(np.diff(position, axis=0)).sum()),
+        reversals_per_s=reversals / float(t[-1] - t[0]),
+        p2p_deg=np.degrees(np.ptp(position, axis=0)).tolist(),
+    )
 
 
-def _tip(known: Sequence[TruthSample]) -> dict[str, list[float] | None]:
+def _tip(known: Sequence[TruthSample]) -> TipScores:
     """True motion of the tip on each axis [deg]: peak to peak, and all of its way."""
     if not known:
-        return {"p2p_deg": None, "travel_deg": None}
+        return TipScores()
     bend = np.degrees([truth.plant.bend_rad for truth in known])
-    return {
-        "p2p_deg": np.ptp(bend, axis=0).tolist(),
-        "travel_deg": np.abs(np.diff(bend, axis=0)).sum(axis=0).tolist(),
-    }
+    return TipScores(
+        p2p_deg=np.ptp(bend, axis=0).tolist(),
+        travel_deg=np.abs(np.diff(bend, axis=0)).sum(axis=0).tolist(),
+    )
 
 
 def _reversals(position: list[float]) -> int:

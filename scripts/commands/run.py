@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -278,7 +278,7 @@ def perform(
             "real_time_factor": ran_s / wall_s,
             "latency_s": scenario.camera.latency_s,
             "interrupted": result.interrupted,
-            **metrics.score(result, rig.camera.calibration, scenario.scored_from_s),
+            **metrics.score(result, rig.camera.calibration, scenario.scored_from_s).as_dict(),
         }
     record |= _rivals(scenario, instrument, request.seed, None if bench else ran_s)
     folder.finish(record)
@@ -300,7 +300,10 @@ def _rivals(
         return {"needed_tip_deg": None, "constant_px": None}
     ran = scenario.model_copy(update={"duration_s": ran_s})
     path = hindsight(ran, instrument, seed)
-    return {"needed_tip_deg": list(path.needed_tip_deg), "constant_px": path.constant_px}
+    return {
+        "needed_tip_deg": list(path.needed_tip_deg),
+        "constant_px": path.constant_px and asdict(path.constant_px),
+    }
 
 
 def _request_values(request: Request) -> dict[str, Any]:

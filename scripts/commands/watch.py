@@ -106,7 +106,7 @@ def perform(request: Request) -> dict[str, Any]:
     finally:
         if folder:
             folder.close()
-    scores = metrics.score(run, recording.calibration, 0.0)
+    scores = metrics.score(run, recording.calibration, 0.0).as_dict()
     names = ("frames", "detected_fraction", "delayed_error_px", "vision_error_px")
     record = {
         **{name: scores[name] for name in names},

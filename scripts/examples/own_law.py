@@ -31,4 +31,4 @@ class Steps:
 with TwinRig("circle", seed=0) as rig:
     camera = rig.camera.calibration
     result = run(rig, MarkerEyes(camera, rig.board), Steps(), duration_s=4)
-    print(score(result, camera, scored_from_s=0)["error_px"])
+    print(score(result, camera, scored_from_s=0).error_px)

@@ -6,11 +6,12 @@ hindsight. A law that follows moves the tip about as far as the path needs.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from endolock.control import metrics
+from endolock.control.scores import ErrorSummary
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
@@ -33,8 +34,8 @@ class Hindsight(NamedTuple):
 
     needed_tip_deg: Pair
     """Bend, peak to peak, of a tip that always points at the target (up_down, left_right) [deg]."""
-    constant_px: dict[str, Any] | None
-    """Error of the best constant bend, summarised as in a run record [px]; None where the tip is
+    constant_px: ErrorSummary | None
+    """Error of the best constant bend [px]; None where the tip is
     pushed, so that no handle keeps it still."""
 
 

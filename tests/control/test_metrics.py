@@ -97,7 +97,7 @@ def frame(
 
 
 def score(ticks: Sequence[Tick], seen: Sequence[Seen] = (), from_s: float = 0.0) -> dict[str, Any]:
-    return metrics.score(Run(ticks=list(ticks), seen=list(seen)), CAMERA, from_s)
+    return metrics.score(Run(ticks=list(ticks), seen=list(seen)), CAMERA, from_s).as_dict()
 
 
 def errors(*px: float, start_s: float = 0.0) -> list[Tick]:

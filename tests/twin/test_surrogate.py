@@ -94,7 +94,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
         run = loop.run(rig, TruthEyes(rig.truth), registry.make(law, camera), duration_s=30.0)
-        return float(metrics.score(run, camera, 10.0)["error_px"]["rms"])
+        return float(metrics.score(run, camera, 10.0).as_dict()["error_px"]["rms"])
 
 
 @pytest.mark.parametrize("name", ["straight", "circle"])

@@ -22,10 +22,10 @@ def test_a_run_without_markers_is_locked_and_judged_by_them() -> None:
         camera = rig.camera.calibration
         result = run(rig, TrackEyes(camera, rig.board), PI(camera), duration_s=5.0)
     assert all(s.observation.status is Status.TRACKING for s in result.seen)
-    scores = score(result, camera, 0.0)
+    scores = score(result, camera, 0.0).as_dict()
     assert scores["vision_error_px"]["max"] < 0.5  # the window is seen at a slant of 30 deg
     without_truth = replace_truth(result)
-    judged = score(without_truth, camera, 0.0)["vision_error_px"]
+    judged = score(without_truth, camera, 0.0).as_dict()["vision_error_px"]
     # markers and tracker are each within 0.3 px of the truth
     assert judged["max"] == pytest.approx(scores["vision_error_px"]["max"], abs=0.5)
     assert judged["max"] > 0

@@ -80,6 +80,6 @@ def test_pictures_and_truth_give_the_same_scores(name: str, law: str) -> None:
         with rig:
             camera = rig.camera.calibration
             run = loop.run(rig, eyes, registry.make(law, camera), duration_s=12.0)
-            rms.append(metrics.score(run, camera, 2.0)["error_px"]["rms"])
+            rms.append(metrics.score(run, camera, 2.0).as_dict()["error_px"]["rms"])
     # Markers are 0.1 px off; what the loop makes of that is of the same order.
     assert rms[0] == pytest.approx(rms[1], abs=0.5)

@@ -124,7 +124,7 @@ def locked(law: str, name: str, seconds: float, plays: Plays, **changes: float) 
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
         run = loop.run(rig, TruthEyes(rig.truth), registry.make(law, camera), duration_s=seconds)
-        score = metrics.score(run, camera, seconds / 2)
+        score = metrics.score(run, camera, seconds / 2).as_dict()
     return {**score["error_px"], **score["handle"], "lost": score["lost_fraction"]}
 
 

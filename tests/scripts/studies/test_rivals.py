@@ -50,14 +50,16 @@ def held(name: str, handles: tuple[float, float]) -> float:
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
         ran = loop.run(rig, TruthEyes(rig.truth), Held(handles), duration_s=SCORED["duration_s"])
-        return float(metrics.score(ran, camera, SCORED["scored_from_s"])["error_px"]["rms"])
+        return float(
+            metrics.score(ran, camera, SCORED["scored_from_s"]).as_dict()["error_px"]["rms"]
+        )
 
 
 @pytest.mark.parametrize("name", ["straight", "circle", "random"])
 def test_no_constant_handle_does_better_than_the_best_in_hindsight(name: str) -> None:
     best = hindsight(scenario.load(name, SCORED), Instrument(), 0).constant_px
     assert best
-    bound = best["rms"]
+    bound = float(best.rms or 0.0)
     around = np.arange(0.0, 0.71, 0.1) if name == "straight" else np.arange(-0.4, 0.41, 0.1)
     across = [0.0] if name == "straight" else around
     tried = min(held(name, (float(a), float(b))) for a in across for b in around)
@@ -162,11 +164,11 @@ def test_a_comparison_shows_what_doing_nothing_costs(
     for row in rows:
         assert set(row["tip"]) == {"p2p_deg", "travel_deg"}
         assert len(row["handle"]["p2p_deg"]) == len(row["needed_tip_deg"]) == 2
-        assert set(row["constant_px"]) == set(row["error_px"])
+        assert set(row["constant_px"]) == set(row.error_px)
     still = rows[0]
     assert still["controller"] == "still"
     assert max(still["tip"]["p2p_deg"]) < 0.01  # encoders' steps may settle
-    assert still["error_px"]["rms"] >= still["constant_px"]["rms"] - 0.5  # as above
+    assert still.error_px.rms >= still["constant_px"]["rms"] - 0.5  # as above
 
 
 @pytest.mark.parametrize(
