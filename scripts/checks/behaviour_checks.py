@@ -9,6 +9,7 @@ from math import degrees, inf, radians
 import mujoco
 import numpy as np
 
+from endolock.control.metrics import rms
 from endolock.hw.api import Command
 from endolock.scripts.checks.strokes import (
     SHAFTS_DEG,
@@ -270,4 +271,4 @@ def apart_from_twin(transmission: Transmission) -> float:
                 rig.actuators.exchange(Command(position=goal))
                 course.append(rig.truth.now().plant.bend_rad)
         bends.append(np.array(course))
-    return degrees(float(np.sqrt(np.mean((bends[0] - bends[1]) ** 2))))
+    return degrees(rms(bends[0] - bends[1]))

@@ -85,7 +85,7 @@ def moving(path: str, frames: int, *, hard: bool = False, board: str = "rings") 
         for n in range(frames):
             t = n / RATE_HZ
             still = studio.take(*(place(t + moment) for moment in moments), t=t)
-            grey = grey_of(still.frame.image)
+            grey = _grey(still.frame.image)
             if hard:
                 gain = 0.75 + 0.25 * sin(tau * t / 3)
                 grey = np.asarray(cv2.convertScaleAbs(grey, alpha=gain), np.uint8)
@@ -126,11 +126,10 @@ def occluded(kind: Hiding, frames: int = 200) -> Iterator[Sight]:
             middle = centre + focal_px * np.array([x, y]) / depth
             half = focal_px * np.array(PLATE_M) / 2 / depth
             hidden = _overlap(middle, half, np.array(still.target_px))
-            yield Sight(grey_of(still.frame.image), still.target_px, hidden)
+            yield Sight(_grey(still.frame.image), still.target_px, hidden)
 
 
-def grey_of(image: Image | None) -> Image:
-    """Return a picture in grey."""
+def _grey(image: Image | None) -> Image:
     if image is None:
         raise ValueError("the frame carries no picture")
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from endolock.control.metrics import rms
 from endolock.hw.api import Image
 from endolock.scripts.studies import sequences
 from endolock.twin.camera.stills import Place, Studio
@@ -130,7 +131,7 @@ def markers(
     found = len(off) / poses
     if not off:
         return Marked(0.0, np.nan, np.nan, np.nan, 1e3 * median(taken))
-    return Marked(found, _rms(off), max(off), _rms(depth), 1e3 * median(taken))
+    return Marked(found, rms(np.array(off)), max(off), rms(np.array(depth)), 1e3 * median(taken))
 
 
 def follow(sights: Iterator[sequences.Sight], half: int) -> Followed:
@@ -148,7 +149,7 @@ def follow(sights: Iterator[sequences.Sight], half: int) -> Followed:
             off.append(np.hypot(*np.subtract(track.pixel, sight.target_px)))
     if not off:
         return Followed(0, refused, np.nan, np.nan, 1e3 * median(taken))
-    return Followed(len(off), refused, _rms(off), max(off), 1e3 * median(taken))
+    return Followed(len(off), refused, rms(np.array(off)), max(off), 1e3 * median(taken))
 
 
 def hide(kinds: Sequence[sequences.Hiding]) -> Hidden:
@@ -189,10 +190,6 @@ def _plate(distance_m: float, share: float) -> dict[str, Any]:
         "start_s": 0.0,
         "over_s": 1.0,
     }
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def triple(kinds: Sequence[sequences.Hiding]) -> tuple[list[float], list[float]]:
