@@ -42,9 +42,3 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
         raise ConfigError(
             f"cannot write {target}: {error.strerror}", "use another --json"
         ) from None
-
-
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """Lay a table out as Markdown, the first column left, the others right."""
-    lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)

@@ -10,8 +10,9 @@ import sys
 
 from endolock.scripts import cli
 from endolock.scripts.commands import run
-from endolock.scripts.runs import batch, output
+from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.markdown_table import markdown_table
 
 NEVER = "law.identify_every_s=1e9"
 WITHOUT: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -54,7 +55,7 @@ def table() -> str:
     rows = [
         [name, *(_cell(one) for one in done[n * count :][:count])] for n, name in enumerate(WITHOUT)
     ]
-    return output.markdown(["without, rms px", *CASES], rows)
+    return markdown_table(["without, rms px", *CASES], rows)
 
 
 def _cell(one: Done) -> str:

@@ -22,6 +22,7 @@ from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.commands import hysteresis, identify, run
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies import (
     ablation,
     ensemble,
@@ -123,12 +124,12 @@ def results(folder: Path) -> None:
 
 def parameters() -> str:
     """Tabulate the defaults of an instrument with grade, meaning and source, as Markdown."""
-    lines = ["| parameter | default | grade | meaning and source |", "|---|--:|---|---|"]
+    rows = []
     defaults = dataclasses.asdict(Instrument())
     for name, meaning in instrument_files.meanings().items():
         grade = "C" if "ssumed" in meaning else "B"
-        lines.append(f"| `{name}` | {defaults[name]:.6g} | {grade} | {meaning} |")
-    return "\n".join(lines) + "\n"
+        rows.append([f"`{name}`", f"{defaults[name]:.6g}", grade, meaning])
+    return markdown_table(["parameter", "default", "grade", "meaning and source"], rows, "lrll")
 
 
 def pretensioned() -> str:
@@ -141,17 +142,16 @@ def pretensioned() -> str:
 
 def verified() -> str:
     """Measure and tabulate what the twin is checked against, as Markdown."""
-    lines = ["| what | against | figure | bound | why there |", "|---|---|--:|---|---|"]
+    rows = []
     for check in verification.CHECKS:
         figure = f"{check.measure():.3g} {check.unit}".strip()
-        row = (check.what, check.against, figure, verification.bounds(check), check.why)
-        lines.append("| " + " | ".join(row) + " |")
-    return "\n".join(lines) + "\n"
+        rows.append([check.what, check.against, figure, verification.bounds(check), check.why])
+    return markdown_table(["what", "against", "figure", "bound", "why there"], rows, "llrll")
 
 
 def identified() -> str:
     """Fit logs of our own instruments, and tabulate the truth beside what was found."""
-    lines = ["| instrument | parameter | true | found | +- | |", "|---|---|--:|--:|--:|---|"]
+    rows = []
     for name in ("pretensioned", "slack"):
         with tempfile.TemporaryDirectory() as place:
             log = Path(place) / "log"
@@ -170,17 +170,17 @@ def identified() -> str:
         }
         for key, told in record["params"].items():
             known = "" if told["determined"] else "not determined"
-            figures = f"{true[key]:.4g} | {told['value']:.4g} | {told['std']:.2g}"
-            lines.append(f"| {name} | `{key}` | {figures} | {known} |")
+            figures = (f"{true[key]:.4g}", f"{told['value']:.4g}", f"{told['std']:.2g}")
+            rows.append([name, f"`{key}`", *figures, known])
         held, play = record["heldout_rms_deg"], record["play_heldout_rms_deg"]
-        lines.append(f"| {name} | held out, deg rms (a play: {play:.2f}) | | {held:.2f} | | |")
-    return "\n".join(lines) + "\n"
+        rows.append([name, f"held out, deg rms (a play: {play:.2f})", "", f"{held:.2f}", "", ""])
+    head = ["instrument", "parameter", "true", "found", "+-", ""]
+    return markdown_table(head, rows, "llrrrl")
 
 
 def misfitted() -> str:
     """Fit logs of two plants that know no wires, and tabulate what is left."""
-    head = "| plant | fitted part | held out | best play, held out | determined |"
-    lines = [head, "|---|--:|--:|--:|---|"]
+    rows = []
     t = np.arange(0.0, 130.0, 0.02)
     handle = 2.0 * (1 - np.abs((0.1 * t + 1) % 4 - 2))
     noise = np.radians(0.1) * np.random.default_rng(0).standard_normal(len(t))
@@ -189,10 +189,11 @@ def misfitted() -> str:
         bend = np.column_stack([plant(handle) + noise, nothing])
         found = fit(Log(t, np.column_stack([handle, nothing]), bend), Geometry())
         errors = (found.fit_rms_rad, found.heldout_rms_rad, found.play_heldout_rms_rad)
-        cells = " | ".join(f"{degrees(error):.2f} deg" for error in errors)
+        cells = [f"{degrees(error):.2f} deg" for error in errors]
         known = ", ".join(n for n, p in found.params.items() if p.determined) or "nothing"
-        lines.append(f"| {plant.__name__} | {cells} | {known} |")
-    return "\n".join(lines) + "\n"
+        rows.append([plant.__name__, *cells, known])
+    head = ["plant", "fitted part", "held out", "best play, held out", "determined"]
+    return markdown_table(head, rows, "lrrrl")
 
 
 def answered() -> None:
@@ -236,13 +237,13 @@ def _run(name: str, law: str, eyes: str, place: Path) -> tuple[dict[str, Any], P
 
 
 def _markdown(records: list[dict[str, Any]]) -> str:
-    lines = ["| " + " | ".join(HEADINGS) + " |", "|---|---|" + "--:|" * (len(HEADINGS) - 2)]
+    rows = []
     for r in record_table.with_constants(records):
         error, seen, vision = (
             r[key] or {} for key in ("error_px", "delayed_error_px", "vision_error_px")
         )
         lost = r["lost_fraction"]
-        cells = [
+        row = [
             r["scenario"],
             r["controller"],
             *(f"{error[key]:.1f}" for key in ("rms", "p95", "max")),
@@ -251,8 +252,8 @@ def _markdown(records: list[dict[str, Any]]) -> str:
             *(f"{max(r[what]['p2p_deg']):.0f}" for what in ("tip", "handle")),
             "" if lost is None else f"{100 * lost:.1f} %",
         ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+        rows.append(row)
+    return markdown_table(HEADINGS, rows, "ll" + "r" * (len(HEADINGS) - 2))
 
 
 if __name__ == "__main__":

@@ -16,8 +16,9 @@ import numpy as np
 
 from endolock.scripts import cli
 from endolock.scripts.commands import run
-from endolock.scripts.runs import batch, output
+from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.markdown_table import markdown_table
 
 SEEDS = tuple(range(100, 120))
 VARIED = (
@@ -88,7 +89,7 @@ def table(laws: Sequence[str], seeds: Sequence[int] = SEEDS) -> str:
             cells += [f"{np.median(rms):.1f}", f"{rms[-1]:.1f}", str(lost)]
         rows.append([law, *cells])
     heads = [f"{name}: {what}" for name in SCENARIOS for what in ("median", "worst", "lost")]
-    return output.markdown(["law, rms px", *heads], rows)
+    return markdown_table(["law, rms px", *heads], rows)
 
 
 def main(args: list[str]) -> int:

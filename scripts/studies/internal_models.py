@@ -29,7 +29,8 @@ from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli
 from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.commands import run
-from endolock.scripts.runs import output, run_folder
+from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world.instrument import Instrument
 
 SCENARIOS = ("straight", "circle", "triangle", "random")
@@ -50,9 +51,7 @@ def table() -> str:
             off = (predict() - log.bend)[later]
             rms = float(np.sqrt(off.var(axis=0).sum()))
             rows.setdefault(model, []).append(f"{pixels * rms:.1f}")
-    return output.markdown(
-        ["model, rms px", *SCENARIOS], [[m, *cells] for m, cells in rows.items()]
-    )
+    return markdown_table(["model, rms px", *SCENARIOS], [[m, *cells] for m, cells in rows.items()])
 
 
 def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:

@@ -12,8 +12,9 @@ from itertools import pairwise
 from math import ceil
 
 from endolock.scripts.commands import run
-from endolock.scripts.runs import batch, output, overrides, theory
+from endolock.scripts.runs import batch, overrides, theory
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world import scenario
 
 SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
@@ -133,8 +134,8 @@ def _tables(
     head = [*heads, *laws, "constant", *([last[0]] if last else [])]
     price_head = [*heads, *laws, "tip needed"]
     return (
-        f"\n## {title}\n\n{output.markdown(head, errors)}"
-        f"\nTip / handle, peak to peak in deg:\n\n{output.markdown(price_head, prices)}"
+        f"\n## {title}\n\n{markdown_table(head, errors)}"
+        f"\nTip / handle, peak to peak in deg:\n\n{markdown_table(price_head, prices)}"
     )
 
 

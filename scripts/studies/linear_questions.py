@@ -18,7 +18,7 @@ from endolock.control.transmission.plays import play
 from endolock.hw.api import Command, Vector
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
-from endolock.scripts.runs.output import markdown
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.questions import Answer, request
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
@@ -47,7 +47,7 @@ def process() -> Answer:
         [name, f"{one.gain:.2f}", f"{1e3 * one.lag_s:.0f} ms", f"{one.dead_s:.3f} s"]
         for name, one in (("from the step", found), ("believed by the laws", believed))
     ]
-    text = markdown(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
+    text = markdown_table(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
     text += f"\nThe model misses the step's answer by {1e3 * misfit:.1f} mrad rms. The step has\n"
     text += f"no hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
@@ -59,7 +59,7 @@ def process() -> Answer:
             continue  # has no linear part, or none without a period
         m = analysis.margins(response, loop)
         rows.append([name, f"{m.gain:.1f}", f"{m.phase_deg:.0f} deg", f"{m.dead_s:.2f} s"])
-    text += markdown(["law", "gain margin", "phase margin", "dead time margin"], rows)
+    text += markdown_table(["law", "gain margin", "phase margin", "dead time margin"], rows)
 
     def draw(panel: Any) -> None:
         panel.plot(t, 1e3 * error, ".", color=SERIES[0], label="as seen by the camera")
@@ -129,7 +129,7 @@ def limit_cycle() -> Answer:
         panel.set_ylabel("error [px]")
 
     head = ["width", "predicted", "twin", "amplitude predicted", "twin"]
-    return Answer(markdown(head, rows), draw)
+    return Answer(markdown_table(head, rows), draw)
 
 
 def _compensated(width: float) -> Callable[[Vector], Vector]:

@@ -9,7 +9,7 @@ import numpy as np
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
-from endolock.scripts.runs.output import markdown
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
 
 WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
@@ -52,7 +52,7 @@ def roughness() -> Answer:
 
     head = ["law", "rms", "handle acceleration rms [rad/s2]", "handle reversals a second"]
     tip = f"tip p-p; needed {next(iter(done.values())).needed_deg:.0f} deg"
-    return Answer(markdown([*head, tip], rows), draw)
+    return Answer(markdown_table([*head, tip], rows), draw)
 
 
 def circles() -> Answer:
@@ -85,7 +85,7 @@ def circles() -> Answer:
         panel.set_ylim(bottom=0)
 
     head = ["scenario", "form", *(f"w = {w:g}" for w in WIDTHS), "tip needed"]
-    return Answer(markdown(head, rows), draw)
+    return Answer(markdown_table(head, rows), draw)
 
 
 def latency() -> Answer:
@@ -114,7 +114,7 @@ def latency() -> Answer:
         panel.set_ylabel("rms error [px]")
         panel.set_ylim(bottom=0)
 
-    return Answer(markdown(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
+    return Answer(markdown_table(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
 
 
 def _rms_and_tip(one: Done) -> str:
@@ -171,4 +171,4 @@ def after_a_push() -> Answer:
         panel.set_ylim(bottom=0)
 
     head = ["law", "tip p-p, undisturbed", *(f"{force} N: over 30 px, largest" for force in forces)]
-    return Answer(markdown(head, rows), draw)
+    return Answer(markdown_table(head, rows), draw)

@@ -13,7 +13,7 @@ from endolock.scripts.commands import run
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
-from endolock.scripts.runs.output import markdown
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
 
 DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
@@ -42,7 +42,7 @@ def relative() -> Answer:
     ]
     head = ["distance", "stroke", "handle travel without friction"]
     head += [f"{law}: error over that without friction" for law in laws]
-    text = markdown([*head, f"tip: needed, {', '.join(laws)}"], rows)
+    text = markdown_table([*head, f"tip: needed, {', '.join(laws)}"], rows)
 
     def draw(panel: Any) -> None:
         for n, law in enumerate(laws):
@@ -97,7 +97,7 @@ def integral() -> Answer:
         panel.set_xlabel("ki [1/s]; dotted: the linear limit")
         panel.set_ylabel("rms error [px]")
 
-    return Answer(markdown(head, rows), draw)
+    return Answer(markdown_table(head, rows), draw)
 
 
 def aiming() -> Answer:
@@ -136,7 +136,7 @@ def aiming() -> Answer:
         panel.set_ylabel("rms error [px]")
 
     head = ["law: rms, tip peak to peak", *(f"{1e3 * d:.0f} mm" for d in DISTANCES_M)]
-    return Answer(markdown(head, rows), draw)
+    return Answer(markdown_table(head, rows), draw)
 
 
 def near(distance_m: float, law: str, *changes: str) -> run.Request:

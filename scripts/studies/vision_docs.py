@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from endolock.scripts.commands import latency
 from endolock.scripts.figures import palette
-from endolock.scripts.runs import output
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies import sequences, vision_accuracy
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario as scenarios
@@ -96,11 +96,11 @@ class Measured:
             for series in self.distances.values():
                 row += _marked(series[n])
             rows.append(row)
-        return output.markdown(head, rows)
+        return markdown_table(head, rows)
 
     def _condition(self) -> str:
         head = ["at 12 cm", "px rms", "px max", "depth % rms", "found"]
-        return output.markdown(head, [[name, *_marked(m)] for name, m in self.conditions.items()])
+        return markdown_table(head, [[name, *_marked(m)] for name, m in self.conditions.items()])
 
     def _tracker(self) -> str:
         head = [
@@ -116,7 +116,7 @@ class Measured:
                 lost = f" ({result.refused} refused)" if result.refused else ""
                 row.append(f"{result.rms_px:.3f}{lost}")
             rows.append(row)
-        return output.markdown(head, rows)
+        return markdown_table(head, rows)
 
     def _hidden(self) -> str:
         h = self.hidden
@@ -134,7 +134,7 @@ class Measured:
             ],
             ["right frames that it refuses", f"{100 * refused:.1f} %"],
         ]
-        return output.markdown(["over the occlusion set", ""], rows)
+        return markdown_table(["over the occlusion set", ""], rows)
 
     def _latency(self) -> str:
         rows = []
@@ -151,7 +151,7 @@ class Measured:
             "error",
             "jitter (std)",
         ]
-        return output.markdown(head, rows)
+        return markdown_table(head, rows)
 
     def draw(self, path: Path) -> None:
         """Draw pixel and depth error over distance, the tracker's windows, and the ROC."""
@@ -227,7 +227,7 @@ def costs() -> str:
                 taken[name].append(time.perf_counter() - start)
     base = min(taken["nothing but the pinhole"])
     rows = [[name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"] for name, t in taken.items()]
-    return output.markdown(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
+    return markdown_table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
 
 
 def _marked(m: vision_accuracy.Marked) -> list[str]:

@@ -29,6 +29,7 @@ from rich.table import Table
 from endolock.hw.api import Vector
 from endolock.scripts.commands import run
 from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.markdown_table import markdown_table
 
 INSTRUMENT = "thesis"
 SET_UP = ("camera.width=720", "camera.height=576", "shaft_bend_deg=0")
@@ -230,12 +231,14 @@ def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
 
 def markdown(rows: list[dict[str, Any]]) -> str:
     """Lay the statements out for docs/control.md, those that do not hold first."""
-    head = ["| | | statement | expected | got | holds | basis |", "|---|---|---|---|---|---|---|"]
+    head = ["", "", "statement", "expected", "got", "holds", "basis"]
     said = {None: "not stated", True: "yes", False: "**no**"}
     ordered = sorted(rows, key=lambda row: (row["ok"] is not False, row["ok"] is None))
     body = [
-        f"| {r['id']} | {r['column']} | {r['statement']} | {r['expected'] or ''} | {r['got']} | "
-        f"{said[r['ok']]} | {r['basis']} |"
+        [
+            *(r["id"], r["column"], r["statement"], r["expected"] or ""),
+            *(r["got"], said[r["ok"]], r["basis"]),
+        ]
         for r in ordered
     ]
-    return "\n".join([*head, *body]) + "\n"
+    return markdown_table(head, body, "l" * len(head))

@@ -27,7 +27,7 @@ from endolock.scripts import cli
 from endolock.scripts.commands import run
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import FOLLOWED
-from endolock.scripts.runs.output import markdown
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.thesis import chapter_runs
 from endolock.scripts.thesis.chapter_runs import COLUMNS, STROKE_S, Trace
 from endolock.scripts.thesis.statements import GAIN_PX, PEAK_PX, gain_px, needed_deg, straight_ik
@@ -152,12 +152,12 @@ def table() -> str:
         for one in pairs()[:SHOWN]
     ]
     heads = ["kp, ki", *(f"T1{c} [px]" for c in COLUMNS), *(f"T2{c} [px]" for c in COLUMNS)]
-    text = markdown([*heads, "hold, missed by", "tip", "gain margin"], rows)
+    text = markdown_table([*heads, "hold, missed by", "tip", "gain margin"], rows)
     rows = [[f"{rate:g}/s", got, "yes" if ok else "no"] for rate, (got, ok) in rates().items()]
-    text += "\n" + markdown(["rate of `ik`", "T4, our twin", "holds"], rows)
+    text += "\n" + markdown_table(["rate of `ik`", "T4, our twin", "holds"], rows)
     rows = [[f"{speed:g} rad/s", f"{moved:.1f} deg"] for speed, moved in switch_offs().items()]
     head = ["switch-off", f"handle of the resting axis, p-p, worst of {len(SEEDS)} seeds"]
-    return f"{text}\n{markdown(head, rows)}"
+    return f"{text}\n{markdown_table(head, rows)}"
 
 
 def _traces(requests: list[run.Request]) -> list[Trace]:
