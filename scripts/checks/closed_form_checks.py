@@ -17,7 +17,7 @@ from endolock.scripts.checks.strokes import (
     SEED,
     SHAFTS_DEG,
     Check,
-    Motion,
+    HandleMotion,
     cable_of,
     check,
     hinges,
@@ -159,7 +159,7 @@ def random_loops() -> float:
 
 
 @cache
-def load_and_unload() -> list[tuple[Motion, Motion, PulledSection]]:
+def load_and_unload() -> list[tuple[HandleMotion, HandleMotion, PulledSection]]:
     """Record a slow stroke with slack wires, out and back, at three bends of the shaft."""
     slack, strokes = replace(ONE_WIRE, slack_m=0.0005), []
     for shaft in SHAFTS_DEG:

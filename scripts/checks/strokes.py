@@ -39,7 +39,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Motion:
+class HandleMotion:
     """A slow motion of one handle while the other one stands."""
 
     t: Vector
@@ -53,10 +53,10 @@ class Motion:
     opposite: Vector
     """Tension at the handle of the other wire of the axis [N]."""
 
-    def between(self, start: float, end: float) -> Motion:
+    def between(self, start: float, end: float) -> HandleMotion:
         """Return the rows of a time span [s]."""
         kept = (self.t >= start) & (self.t <= end)
-        return Motion(*(column[kept] for column in vars(self).values()))
+        return HandleMotion(*(column[kept] for column in vars(self).values()))
 
 
 def still(
@@ -71,7 +71,7 @@ def still(
     return TwinPlant(rest, instrument or Instrument(), numerics or Numerics(), 0)
 
 
-def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) -> Motion:
+def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) -> HandleMotion:
     """Turn a handle along straight lines.
 
     Args:
@@ -92,17 +92,17 @@ def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) ->
         bend = data.qpos[bends].sum()
         wires = proximal[axis], distal[axis], proximal[axis + 2]
         rows.append((plant.t - start, data.qpos[handle], bend, *wires))
-    return Motion(*np.array(rows).T)
+    return HandleMotion(*np.array(rows).T)
 
 
-def loop(plant: TwinPlant, peak: float, period_s: float, axis: int = 0) -> Motion:
+def loop(plant: TwinPlant, peak: float, period_s: float, axis: int = 0) -> HandleMotion:
     """Turn a handle in a triangle wave; return the last of two periods, from crest to crest."""
     quarter = period_s / 4
     corners = [(quarter * (2 * n + 1), peak * (-1) ** n) for n in range(5)]
     return turn(plant, [(0.0, 0.0), *corners], axis).between(5 * quarter, 9 * quarter)
 
 
-def width(motion: Motion, bend_deg: float) -> float:
+def width(motion: HandleMotion, bend_deg: float) -> float:
     """Width of a loop from crest to crest at a bend, as a fraction of 180 deg of handle angle."""
     trough = int(motion.handle.argmin())
     falling = np.interp(radians(-bend_deg), -motion.bend[:trough], motion.handle[:trough])

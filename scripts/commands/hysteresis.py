@@ -17,7 +17,12 @@ from rich.table import Table
 from endolock.control.identification.hysteresis_loop import Branch, deadband, lost_after_turn, width
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts.runs import output, rigs, run_folder
-from endolock.scripts.runs.hysteresis_protocol import SPEED_RAD_S, TURNS_DEG, Protocol, Strokes
+from endolock.scripts.runs.hysteresis_protocol import (
+    SPEED_RAD_S,
+    TURNS_DEG,
+    Protocol,
+    RecordedStrokes,
+)
 from endolock.scripts.runs.progress import progress
 from endolock.twin.world import instrument_files
 from endolock.twin.world import scenario as scenarios
@@ -129,7 +134,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
     return record
 
 
-def figures(strokes: Strokes) -> dict[str, Any]:
+def figures(strokes: RecordedStrokes) -> dict[str, Any]:
     """Work the recorded strokes out; widths are fractions of 180 deg of handle angle."""
     falling, rising = strokes.loop
     handle = [*falling.handle, *rising.handle]
@@ -180,7 +185,7 @@ def table(record: dict[str, Any]) -> Table:
 
 def _strokes(
     request: Request, show_progress: bool, *, whole: bool = True
-) -> tuple[Strokes, float, float]:
+) -> tuple[RecordedStrokes, float, float]:
     """Run the protocol once; also return the other axis' bend [rad] and the time it took [s]."""
     if request.rig.startswith(rigs.SERIAL):
         raise ConfigError(
@@ -216,7 +221,7 @@ def _maps(request: Request, show_progress: bool) -> dict[str, Any]:
     """Measure the width over own and other bend, and at 30 deg over the bend of the shaft."""
     others = [replace(request, other_axis_deg=float(deg)) for deg in MAP_OTHER_DEG]
     shafts = [replace(request, shaft_deg=float(d), other_axis_deg=0.0) for d in MAP_SHAFT_DEG]
-    loops: list[Strokes | None] = []
+    loops: list[RecordedStrokes | None] = []
     bar = track(
         others + shafts,
         "a loop for each point of the maps",
@@ -245,7 +250,7 @@ def _maps(request: Request, show_progress: bool) -> dict[str, Any]:
     }
 
 
-def _width(strokes: Strokes, bend_deg: float) -> float | None:
+def _width(strokes: RecordedStrokes, bend_deg: float) -> float | None:
     """Width of the loop at a bend, the mean of both sides, as a fraction of 180 deg."""
     sides = [_fraction(*strokes.loop, sign * bend_deg) for sign in (1, -1)]
     found = [side for side in sides if side is not None]
@@ -266,7 +271,7 @@ def _cell(share: float | None) -> str:
     return "-" if share is None else f"{share:.3f}"
 
 
-def _deadband(strokes: Strokes) -> float:
+def _deadband(strokes: RecordedStrokes) -> float:
     falling, rising = strokes.loop
     return (deadband(falling) + deadband(rising)) / 2
 

@@ -16,7 +16,7 @@ from endolock.vision.observation import Status
 SPEED_RAD_S = 0.2
 """Handle speed [rad/s]: half of it changes no width by more than 1 %."""
 HIGHEST_BEND_RAD = np.radians(115.0)
-"""Strokes end here, where the loop is open at 90 deg, or at the limit of the handle."""
+"""RecordedStrokes end here, where the loop is open at 90 deg, or at the limit of the handle."""
 TURNS_DEG = (90, 60, 30)
 """Bends at which the one-sided strokes turn back."""
 MARGIN_RAD = 0.02
@@ -29,7 +29,7 @@ DRIFT_S = 30.0
 
 
 @dataclass
-class Strokes:
+class RecordedStrokes:
     """What the protocol recorded, per stroke of the axis under test."""
 
     reached_rad: float
@@ -74,7 +74,7 @@ class Protocol:
         self._goal = list(rig.actuators.exchange(None).position)
         self._move(axis, self._goal[axis], wait_s=SETTLE_S)
 
-    def run(self, recorder: Recorder | None = None, *, whole: bool = True) -> Strokes:
+    def run(self, recorder: Recorder | None = None, *, whole: bool = True) -> RecordedStrokes:
         """Record the loop, the one-sided strokes and the drift.
 
         Args:
@@ -89,7 +89,7 @@ class Protocol:
             low, high = self._rig.actuators.limits.position_rad[self._axis]
             crest = self._until(min(high, -low) - MARGIN_RAD, self._axis, HIGHEST_BEND_RAD)
             falling = self._stroke(-crest)
-            found = Strokes(crest, (falling, self._stroke(crest)))
+            found = RecordedStrokes(crest, (falling, self._stroke(crest)))
             if whole:
                 self._stroke(0.0)
                 for side, peak in (("positive", crest), ("negative", -crest)):

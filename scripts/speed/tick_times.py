@@ -22,7 +22,7 @@ STROKE_S = 8.6
 """Period of `straight` [s]."""
 
 
-class Timed:
+class TimedController:
     """A law whose ticks are timed.
 
     Args:
@@ -63,7 +63,7 @@ def _taken() -> dict[str, Vector]:
     for name in registry.LAWS:
         settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})
         with SurrogateRig("straight", transmission=plays) as rig:
-            law = Timed(registry.make(name, rig.camera.calibration, settings, rig.truth))
+            law = TimedController(registry.make(name, rig.camera.calibration, settings, rig.truth))
             loop.run(rig, TruthEyes(rig.truth), law, duration_s=DURATION_S)
         result[name] = np.array(law.taken)
     return result

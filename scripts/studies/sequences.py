@@ -30,7 +30,7 @@ MEETING_S = 4.0
 """When the middle of an occluder is in front of the target [s]."""
 
 
-class Sight(NamedTuple):
+class LabelledPicture(NamedTuple):
     """One picture of a sequence and what is true of it."""
 
     grey: Image
@@ -39,7 +39,7 @@ class Sight(NamedTuple):
     """Share of the target's window behind an occluder [1]."""
 
 
-class Hiding(NamedTuple):
+class Occlusion(NamedTuple):
     """One sequence of the occlusion set."""
 
     board: str
@@ -48,8 +48,8 @@ class Hiding(NamedTuple):
     seed: int
 
 
-HIDINGS = tuple(
-    Hiding(*kind)
+OCCLUSIONS = tuple(
+    Occlusion(*kind)
     for kind in product(
         ("rings", "tissue"), ("plain", "tissue", "decoy"), ("passing", "parking"), range(3)
     )
@@ -57,7 +57,9 @@ HIDINGS = tuple(
 """Two targets behind plates that are plain, of the wall's texture, or carry a decoy."""
 
 
-def moving(path: str, frames: int, *, hard: bool = False, board: str = "rings") -> Iterator[Sight]:
+def moving(
+    path: str, frames: int, *, hard: bool = False, board: str = "rings"
+) -> Iterator[LabelledPicture]:
     """Yield the pictures of a board that moves along a path.
 
     Args:
@@ -89,10 +91,10 @@ def moving(path: str, frames: int, *, hard: bool = False, board: str = "rings") 
             if hard:
                 gain = 0.75 + 0.25 * sin(tau * t / 3)
                 grey = np.asarray(cv2.convertScaleAbs(grey, alpha=gain), np.uint8)
-            yield Sight(grey, still.target_px, 0.0)
+            yield LabelledPicture(grey, still.target_px, 0.0)
 
 
-def occluded(kind: Hiding, frames: int = 200) -> Iterator[Sight]:
+def occluded(kind: Occlusion, frames: int = 200) -> Iterator[LabelledPicture]:
     """Yield the pictures of one sequence of the occlusion set: speed, way and phase are drawn."""
     words = [int.from_bytes(word.encode(), "little") for word in kind[:3]]
     random = np.random.default_rng([kind.seed, *words])
@@ -126,7 +128,7 @@ def occluded(kind: Hiding, frames: int = 200) -> Iterator[Sight]:
             middle = centre + focal_px * np.array([x, y]) / depth
             half = focal_px * np.array(PLATE_M) / 2 / depth
             hidden = _overlap(middle, half, np.array(still.target_px))
-            yield Sight(_grey(still.frame.image), still.target_px, hidden)
+            yield LabelledPicture(_grey(still.frame.image), still.target_px, hidden)
 
 
 def _grey(image: Image | None) -> Image:

@@ -62,7 +62,7 @@ FRAMES = 300
 WRONG_PX = 3.0
 
 
-class Marked(NamedTuple):
+class MarkerAccuracy(NamedTuple):
     """What markers measured in one series of pictures."""
 
     found: float
@@ -73,7 +73,7 @@ class Marked(NamedTuple):
     ms: float
 
 
-class Followed(NamedTuple):
+class TrackerAccuracy(NamedTuple):
     """What the tracker made of one sequence."""
 
     accepted: int
@@ -83,7 +83,7 @@ class Followed(NamedTuple):
     ms: float
 
 
-class Hidden(NamedTuple):
+class OcclusionResult(NamedTuple):
     """What the tracker made of the occlusion set."""
 
     hidden: int
@@ -105,7 +105,7 @@ def markers(
     blur_px: float = 0.0,
     hidden: float = 0.0,
     poses: int = POSES,
-) -> Marked:
+) -> MarkerAccuracy:
     """Measure the board at drawn poses; the draw is the same for every condition."""
     random = np.random.default_rng(11)
     if hidden:
@@ -130,11 +130,13 @@ def markers(
                 depth.append(fit.distance_m / still.distance_m - 1)
     found = len(off) / poses
     if not off:
-        return Marked(0.0, np.nan, np.nan, np.nan, 1e3 * median(taken))
-    return Marked(found, rms(np.array(off)), max(off), rms(np.array(depth)), 1e3 * median(taken))
+        return MarkerAccuracy(0.0, np.nan, np.nan, np.nan, 1e3 * median(taken))
+    return MarkerAccuracy(
+        found, rms(np.array(off)), max(off), rms(np.array(depth)), 1e3 * median(taken)
+    )
 
 
-def follow(sights: Iterator[sequences.Sight], half: int) -> Followed:
+def follow(sights: Iterator[sequences.LabelledPicture], half: int) -> TrackerAccuracy:
     """Let the tracker follow a sequence from its first picture."""
     first = next(sights)
     tracker = Tracker(first.grey, first.target_px, (half, half))
@@ -148,11 +150,11 @@ def follow(sights: Iterator[sequences.Sight], half: int) -> Followed:
         else:
             off.append(np.hypot(*np.subtract(track.pixel, sight.target_px)))
     if not off:
-        return Followed(0, refused, np.nan, np.nan, 1e3 * median(taken))
-    return Followed(len(off), refused, rms(np.array(off)), max(off), 1e3 * median(taken))
+        return TrackerAccuracy(0, refused, np.nan, np.nan, 1e3 * median(taken))
+    return TrackerAccuracy(len(off), refused, rms(np.array(off)), max(off), 1e3 * median(taken))
 
 
-def hide(kinds: Sequence[sequences.Hiding]) -> Hidden:
+def hide(kinds: Sequence[sequences.Occlusion]) -> OcclusionResult:
     """Let the tracker follow targets that are hidden for a while."""
     hidden = accepted_hidden = accepted = wrong = latest = 0
     worst = 0.0
@@ -174,7 +176,7 @@ def hide(kinds: Sequence[sequences.Hiding]) -> Hidden:
             off = float(np.hypot(*np.subtract(track.pixel, sight.target_px)))
             worst = max(worst, off)
             wrong += off > WRONG_PX
-    return Hidden(hidden, accepted_hidden, accepted, wrong, worst, latest)
+    return OcclusionResult(hidden, accepted_hidden, accepted, wrong, worst, latest)
 
 
 def _plate(distance_m: float, share: float) -> dict[str, Any]:
@@ -192,7 +194,7 @@ def _plate(distance_m: float, share: float) -> dict[str, Any]:
     }
 
 
-def triple(kinds: Sequence[sequences.Hiding]) -> tuple[list[float], list[float]]:
+def triple(kinds: Sequence[sequences.Occlusion]) -> tuple[list[float], list[float]]:
     """Give the triple check alone to judge a follower that only looks from frame to frame.
 
     Such a follower takes whatever moves in its window for the target, and so ends up on the

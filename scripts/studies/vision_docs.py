@@ -43,7 +43,7 @@ PARTS: dict[str, dict[str, Any]] = {
 """What can be switched on in a scenario."""
 
 
-class Measured:
+class VisionMeasurements:
     """All measurements, taken once: tables and figure show the same."""
 
     def __init__(self) -> None:
@@ -61,14 +61,14 @@ class Measured:
             )
             for name, (overrides, tilt, blur) in vision_accuracy.CONDITIONS.items()
         }
-        self.followed: dict[tuple[str, str, bool], dict[int, vision_accuracy.Followed]] = {}
+        self.followed: dict[tuple[str, str, bool], dict[int, vision_accuracy.TrackerAccuracy]] = {}
         for board, path, hard in product(("rings", "tissue"), sequences.PATHS, (False, True)):
             sights = list(sequences.moving(path, vision_accuracy.FRAMES, hard=hard, board=board))
             self.followed[board, path, hard] = {
                 half: vision_accuracy.follow(iter(sights), half) for half in vision_accuracy.WINDOWS
             }
-        self.hidden = vision_accuracy.hide(sequences.HIDINGS)
-        self.right, self.wrong = vision_accuracy.triple(sequences.HIDINGS)
+        self.hidden = vision_accuracy.hide(sequences.OCCLUSIONS)
+        self.right, self.wrong = vision_accuracy.triple(sequences.OCCLUSIONS)
         self.latencies = {
             (true, jitter): latency.perform(
                 latency.Request(latency_s=true, jitter_s=jitter), show_progress=False
@@ -230,7 +230,7 @@ def costs() -> str:
     return markdown_table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
 
 
-def _marked(m: vision_accuracy.Marked) -> list[str]:
+def _marked(m: vision_accuracy.MarkerAccuracy) -> list[str]:
     if not m.found:
         return ["-", "-", "-", "0 %"]
     return [
@@ -248,7 +248,7 @@ def write(folder: Path, between: Callable[[str, str, str], str]) -> None:
         folder: docs/.
         between: replaces what stands between two marks of a text.
     """
-    measured = Measured()
+    measured = VisionMeasurements()
     page = folder / "vision.md"
     text = page.read_text(encoding="utf-8")
     for name, table in measured.tables().items():

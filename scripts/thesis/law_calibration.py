@@ -48,7 +48,7 @@ SHOWN = 6
 """Rows of the table of gains."""
 
 
-class Gains(NamedTuple):
+class GainPair(NamedTuple):
     """What one pair of gains comes to."""
 
     kp: float
@@ -74,7 +74,7 @@ class Gains(NamedTuple):
         return sum(miss > 0 for miss in self.misses_px), sum(self.misses_px)
 
 
-def pairs() -> list[Gains]:
+def pairs() -> list[GainPair]:
     """Try the gains that leave a margin; return those with which the tip follows, best first."""
     process = run.process_of(run.resolve(chapter_runs.request("b", "straight", "pi")).scenario)
     tried = []
@@ -99,7 +99,7 @@ def pairs() -> list[Gains]:
         peaks = {c: float(runs[c]["straight-pi"].total.max()) for c in COLUMNS}
         gains = {c: gain_px(runs[c]) for c in COLUMNS}
         tip = runs["b"]["straight-pi"].tip_deg(2 * STROKE_S)
-        found.append(Gains(kp, ki, margin, peaks, gains, tip))
+        found.append(GainPair(kp, ki, margin, peaks, gains, tip))
     low, high = (share * needed_deg() for share in FOLLOWED)
     return sorted((one for one in found if low <= one.tip_deg <= high), key=lambda p: p.rank)
 

@@ -41,7 +41,7 @@ PEAKS_DIFFER_PX = 10.0
 Traces = Mapping[str, Trace]
 
 
-class Answer(NamedTuple):
+class Verdict(NamedTuple):
     """What one statement comes to in one column."""
 
     expected: str | None
@@ -50,13 +50,13 @@ class Answer(NamedTuple):
     ok: bool
 
 
-Question = Callable[[Traces, str], Answer]
+Question = Callable[[Traces, str], Verdict]
 QUESTIONS: dict[str, tuple[Question, str, Mapping[str, str]]] = {}
 """Each with the columns that the excerpt speaks of, and its basis in each column."""
 
 
 def ask(runs: Mapping[str, Traces]) -> list[dict[str, Any]]:
-    """Answer all statements in both columns.
+    """Verdict all statements in both columns.
 
     Args:
         runs: traces by column and name.
@@ -108,37 +108,37 @@ def needed_deg() -> float:
 
 
 @statement("T1", basis=CALIBRATED)
-def straight_pi(runs: Traces, column: str) -> Answer:
+def straight_pi(runs: Traces, column: str) -> Verdict:
     """Straight, PI: peak."""
     low, high = PEAK_PX[column]
     one = runs["straight-pi"]
     peak = one.total.max()
     got = f"{peak:.1f} px (held still: {runs['straight-still'].total.max():.0f}); tip {_tip(one)}"
-    return Answer(f"{low} to {high} px", got, low < peak <= high)
+    return Verdict(f"{low} to {high} px", got, low < peak <= high)
 
 
 @statement("T2", basis=CALIBRATED)
-def straight_gain(runs: Traces, column: str) -> Answer:
+def straight_gain(runs: Traces, column: str) -> Verdict:
     """Straight, compensation brings the target closer by."""
     low, high = GAIN_PX
     gain = gain_px(runs)
     pi, hc = (runs[f"straight-{law}"].strokes() for law in ("pi", "pi_hc"))
     out, back = peaks_by_way(pi - hc)
     got = f"{gain:.0f} px at the largest peak; ways out {out:.0f} px, ways back {back:.0f} px"
-    return Answer(f"{low} to {high} px", got, low <= gain <= high)
+    return Verdict(f"{low} to {high} px", got, low <= gain <= high)
 
 
 @statement("T3")
-def straight_compensated(runs: Traces, column: str) -> Answer:
+def straight_compensated(runs: Traces, column: str) -> Verdict:
     """Straight, PI with compensation: peak."""
     bound = 150 if column == "a" else 180
     one = runs["straight-pi_hc"]
     peak = one.total.max()
-    return Answer(f"{bound} px at most", f"{peak:.0f} px; tip {_tip(one)}", peak <= bound)
+    return Verdict(f"{bound} px at most", f"{peak:.0f} px; tip {_tip(one)}", peak <= bound)
 
 
 @statement("T4", basis={"b": "calibrated"})
-def straight_ik(runs: Traces, column: str) -> Answer:
+def straight_ik(runs: Traces, column: str) -> Verdict:
     """Straight, inverse kinematics against PI with compensation."""
     pi, hc, ik = (rms(runs[f"straight-{law}"].total) for law in ("pi", "pi_hc", "ik"))
     one = runs["straight-ik"]
@@ -147,14 +147,14 @@ def straight_ik(runs: Traces, column: str) -> Answer:
     got = f"peak {peak:.0f} px, rms {ik:.0f} px ({beside}); tip {_tip(one)}"
     if column == "a":
         good = peak <= 150 and 0.75 * hc <= ik < hc
-        return Answer("150 px at most, rms up to 25 % lower than compensated", got, good)
+        return Verdict("150 px at most, rms up to 25 % lower than compensated", got, good)
     good = peak <= 180 and 0.75 * min(pi, hc) <= ik <= 1.25 * max(pi, hc)
     expected = "180 px at most, rms between those of PI with and without, or 25 % beyond"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T5")
-def discontinuities(runs: Traces, column: str) -> Answer:
+def discontinuities(runs: Traces, column: str) -> Verdict:
     """Straight, PI with compensation: small discontinuities near 1, 6, 10, 15 and 18 s."""
     near, elsewhere = breaks(runs["straight-pi_hc"])
     without, _ = breaks(runs["straight-pi"])
@@ -164,39 +164,39 @@ def discontinuities(runs: Traces, column: str) -> Answer:
     )
     if column == "a":
         good = max(near) <= VISIBLE_PX
-        return Answer(f"none to be seen: {VISIBLE_PX:g} px at most", got, good)
+        return Verdict(f"none to be seen: {VISIBLE_PX:g} px at most", got, good)
     good = elsewhere < max(near) and all(
         max(VISIBLE_PX, b) < a <= SMALL_PX for a, b in zip(near, without, strict=True)
     )
     expected = f"at each {VISIBLE_PX:g} to {SMALL_PX:g} px, more than without, and less elsewhere"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T6")
-def two_peaks(runs: Traces, column: str) -> Answer:
+def two_peaks(runs: Traces, column: str) -> Verdict:
     """Straight, PI with compensation: peaks on the way out and on the way back."""
     out, back = peaks_by_way(runs["straight-pi_hc"].strokes())
     got = f"out {out:.0f} px, back {back:.0f} px"
     apart = abs(out - back)
     if column == "a":
         differ = apart > PEAKS_DIFFER_PX
-        return Answer(f"they differ by more than {PEAKS_DIFFER_PX:g} px", got, differ)
-    return Answer(f"they differ by {PEAKS_DIFFER_PX:g} px at most", got, apart <= PEAKS_DIFFER_PX)
+        return Verdict(f"they differ by more than {PEAKS_DIFFER_PX:g} px", got, differ)
+    return Verdict(f"they differ by {PEAKS_DIFFER_PX:g} px at most", got, apart <= PEAKS_DIFFER_PX)
 
 
 @statement("T7", basis=dict.fromkeys("ab", "provoked"))
-def over_compensated(runs: Traces, column: str) -> Answer:
+def over_compensated(runs: Traces, column: str) -> Verdict:
     """A width over-estimated further makes it unstable."""
     plain, over = runs["straight-pi_hc"], runs["over"]
     rate = sum(len(over.turns(axis)) for axis in (0, 1)) / over.t[-1]
     growth = rms(over.total) / rms(plain.total)
     got = f"at 0.3 {rate:.1f} turns of both handles a second, {growth:.1f} times the rms at 0.2"
     expected = "more than one turn a second, and 1.5 times the rms"
-    return Answer(expected, got, rate > 1 and growth > 1.5)
+    return Verdict(expected, got, rate > 1 and growth > 1.5)
 
 
 @statement("T8", columns="b")
-def handle_and_offset(runs: Traces, column: str) -> Answer:
+def handle_and_offset(runs: Traces, column: str) -> Verdict:
     """Fig 6.5: handle 80 deg to one side, offset within 200 px, fast turns that move little."""
     one, start_s = runs["straight-pi_hc"], STROKE_S + LATENCY_S  # the first stroke may differ
     handle = one.handle[one.handle_t > start_s, 1]
@@ -209,11 +209,11 @@ def handle_and_offset(runs: Traces, column: str) -> Answer:
         f"{fast:.0f} deg within {FAST_S:g} s that hardly move the target"
     )
     expected = "80 +- 20 deg, 10 % of it beyond the start, 200 px at most, fast turns of 20 deg"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T9", columns="b")
-def ik_peaks(runs: Traces, column: str) -> Answer:
+def ik_peaks(runs: Traces, column: str) -> Verdict:
     """Straight, inverse kinematics: different peaks at switches, for the distance is assumed."""
     one, known = runs["straight-ik"], runs["known"]
     late = peak_delay(one)
@@ -227,11 +227,11 @@ def ik_peaks(runs: Traces, column: str) -> Answer:
         f"within {STROKE_S / 2:.1f} s; by more than {PEAKS_DIFFER_PX:g} px, less than half of it "
         "with the distance known"
     )
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T10", columns="b")
-def circle(runs: Traces, column: str) -> Answer:
+def circle(runs: Traces, column: str) -> Verdict:
     """Circle: all within 180 px, inverse kinematics slightly best, compensation no clear gain."""
     traces = [runs[f"circle-{law}"] for law in ("pi", "pi_hc", "ik")]
     pi, hc, ik = (rms(one.total) for one in traces)
@@ -240,11 +240,11 @@ def circle(runs: Traces, column: str) -> Answer:
     best = min(pi, hc)
     good = peak <= 180 and 0.75 * best <= ik < best and hc > 0.9 * pi
     expected = "180 px at most, IK lowest by up to 25 %, compensation gains less than 10 %"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T11", columns="b")
-def ik_is_rough(runs: Traces, column: str) -> Answer:
+def ik_is_rough(runs: Traces, column: str) -> Verdict:
     """Circle: inverse kinematics is less smooth, vibrates near 3 s, and blurs more."""
     traces = [runs[f"circle-{law}"] for law in ("ik", "pi", "pi_hc")]
     later = [one.t[1:-1] > LATENCY_S + 1.0 for one in traces]  # the first second: coming to it
@@ -261,11 +261,11 @@ def ik_is_rough(runs: Traces, column: str) -> Answer:
     )
     good = all(ik > max(others) for ik, *others in (overall, near, blur)) and near[0] > overall[0]
     expected = "all three larger than of PI with and without, and near 3 s more than elsewhere"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 @statement("T12", columns="b")
-def both_axes(runs: Traces, column: str) -> Answer:
+def both_axes(runs: Traces, column: str) -> Verdict:
     """Circle: compensation works on both axes; switched off early, an extra peak in x at 13 s."""
     pi, hc = runs["circle-pi"], runs["circle-pi_hc"]
     works = all(rms(hc.error[:, axis]) < rms(pi.error[:, axis]) for axis in (0, 1))
@@ -280,11 +280,11 @@ def both_axes(runs: Traces, column: str) -> Answer:
         "switched off there"
     )
     good = works and extra >= 20 and off
-    return Answer("smaller on both axes; 20 px more near 13 s, switched off there", got, good)
+    return Verdict("smaller on both axes; 20 px more near 13 s, switched off there", got, good)
 
 
 @statement("T13")
-def large_at_turns(runs: Traces, column: str) -> Answer:
+def large_at_turns(runs: Traces, column: str) -> Verdict:
     """Straight, PI, the tip following: a large error after each switch, because of hysteresis."""
     one, other = runs["straight-pi"], runs["free"]
     with_, free = after_switches(one), after_switches(other)
@@ -295,18 +295,18 @@ def large_at_turns(runs: Traces, column: str) -> Answer:
         f"{least:.1f} times or more; tip {_tip(one)} and {_tip(other)}"
     )
     expected = "1.5 times that without hysteresis, or more, at each; the tip follows"
-    return Answer(expected, got, follows and least >= 1.5)
+    return Verdict(expected, got, follows and least >= 1.5)
 
 
 @statement("T14", columns="b")
-def latency_limits(runs: Traces, column: str) -> Answer:
+def latency_limits(runs: Traces, column: str) -> Verdict:
     """Straight: the latency of 0.4 s limits the performance."""
     names = [f"-{latency:g}s" for latency in LATENCIES_S] + [""]
     found = {law: [rms(runs[f"straight-{law}{n}"].total) for n in names] for law in LAWS[1:]}
     got = "; ".join(f"{law} {', '.join(f'{v:.0f}' for v in of)} px" for law, of in found.items())
     good = all(a < b < c and c >= 1.1 * a for a, b, c in found.values())
     expected = "rms at 0, 0.2, 0.4 s rises with every law, from 0 to 0.4 s by 10 % or more"
-    return Answer(expected, got, good)
+    return Verdict(expected, got, good)
 
 
 def _tip(one: Trace) -> str:

@@ -9,7 +9,7 @@ from endolock.vision.tracker import Track, Tracker
 
 
 @pytest.fixture(scope="module")
-def clean() -> list[sequences.Sight]:
+def clean() -> list[sequences.LabelledPicture]:
     return list(sequences.moving("line", 60))
 
 
@@ -29,8 +29,8 @@ def test_a_hard_sequence_is_followed(path: str) -> None:
     assert result.rms_px <= 0.15  # the gate: noise, blur and compression leave 0.06
 
 
-@pytest.mark.parametrize("kind", sequences.HIDINGS[::5], ids=str)
-def test_hidden_targets_are_refused_and_found_again(kind: sequences.Hiding) -> None:
+@pytest.mark.parametrize("kind", sequences.OCCLUSIONS[::5], ids=str)
+def test_hidden_targets_are_refused_and_found_again(kind: sequences.Occlusion) -> None:
     result = vision_accuracy.hide([kind])
     assert result.hidden > 5  # the plate does cover the target for a while
     assert result.accepted_hidden == 0
@@ -39,7 +39,7 @@ def test_hidden_targets_are_refused_and_found_again(kind: sequences.Hiding) -> N
 
 
 def test_every_refusal_has_a_reason_and_coasting_ends_with_the_target(
-    clean: list[sequences.Sight],
+    clean: list[sequences.LabelledPicture],
 ) -> None:
     tracker = _tracker(clean[0])
     blank = np.full_like(clean[0].grey, 90)
@@ -49,7 +49,9 @@ def test_every_refusal_has_a_reason_and_coasting_ends_with_the_target(
     assert isinstance(tracker.step(clean[1].grey), Track)
 
 
-def test_a_target_that_leaves_the_picture_is_refused(clean: list[sequences.Sight]) -> None:
+def test_a_target_that_leaves_the_picture_is_refused(
+    clean: list[sequences.LabelledPicture],
+) -> None:
     tracker = _tracker(clean[0])
     u = clean[0].target_px[0]
     for n in range(1, 40):
@@ -63,7 +65,7 @@ def test_a_target_that_leaves_the_picture_is_refused(clean: list[sequences.Sight
             assert isinstance(track, str)
 
 
-def test_the_covariance_tells_the_noise(clean: list[sequences.Sight]) -> None:
+def test_the_covariance_tells_the_noise(clean: list[sequences.LabelledPicture]) -> None:
     """The same picture with fresh noise: the places scatter as the covariance says, to a factor."""
     random = np.random.default_rng(5)
     tracker = _tracker(clean[0])
@@ -85,7 +87,7 @@ def test_the_covariance_tells_the_noise(clean: list[sequences.Sight]) -> None:
     [((5.0, 5.0), (20, 20), "beyond the picture"), ((320.0, 30.0), (20, 20), "too little texture")],
 )
 def test_a_window_that_cannot_be_followed_says_why(
-    clean: list[sequences.Sight],
+    clean: list[sequences.LabelledPicture],
     centre: tuple[float, float],
     half: tuple[int, int],
     why: str,
@@ -96,7 +98,9 @@ def test_a_window_that_cannot_be_followed_says_why(
         Tracker(plain, centre, half)
 
 
-def test_normalised_contrast_forgets_gain_and_offset(clean: list[sequences.Sight]) -> None:
+def test_normalised_contrast_forgets_gain_and_offset(
+    clean: list[sequences.LabelledPicture],
+) -> None:
     grey = clean[0].grey
     dim = (0.5 * grey + 20).astype(np.uint8)
     a, b = (normalised(g).astype(float) for g in (grey, dim))
@@ -105,7 +109,7 @@ def test_normalised_contrast_forgets_gain_and_offset(clean: list[sequences.Sight
     assert np.corrcoef(a[textured], b[textured])[0, 1] > 0.99
 
 
-def test_an_affine_map_is_its_matrix(clean: list[sequences.Sight]) -> None:
+def test_an_affine_map_is_its_matrix(clean: list[sequences.LabelledPicture]) -> None:
     affine = Affine(10 + 20j, 1.2 * np.exp(0.3j), 0.1 - 0.2j)
     matrix = affine.matrix(3 + 4j, affine.place)
     offsets = np.array([1 + 0j, 1j, -2 + 3j])
@@ -115,12 +119,12 @@ def test_an_affine_map_is_its_matrix(clean: list[sequences.Sight]) -> None:
         assert (x, y) == pytest.approx((place.real, place.imag), abs=1e-12)  # rounding
 
 
-def test_points_lie_in_the_window(clean: list[sequences.Sight]) -> None:
+def test_points_lie_in_the_window(clean: list[sequences.LabelledPicture]) -> None:
     reference = select(clean[0].grey, complex(*clean[0].target_px), (30, 15))
     assert not isinstance(reference, str)
     assert np.abs(reference.offsets.real).max() <= 31  # half a pixel of rounding and of the centre
     assert np.abs(reference.offsets.imag).max() <= 16
 
 
-def _tracker(sight: sequences.Sight) -> Tracker:
+def _tracker(sight: sequences.LabelledPicture) -> Tracker:
     return Tracker(sight.grey, sight.target_px, (sequences.HALF_PX,) * 2)
