@@ -22,6 +22,8 @@ from endolock.hw.camera import video_camera
 from endolock.hw.camera.video_camera import VideoCamera, devices
 from endolock.vision import camera_model
 
+pytestmark = pytest.mark.wall_time
+
 WIDTH, HEIGHT, BITS = 320, 240, 10
 CALIBRATION = camera_model.from_fovy(WIDTH, HEIGHT, 85.0)
 COLOUR = (200, 60, 30)

@@ -20,6 +20,8 @@ from endolock.hw.api import ConfigError, PortBusy, PortGone
 from endolock.hw.dynamixel.port import Port, SerialPort, serial_port
 from endolock.hw.emulator.pty_line import PtyLine
 
+pytestmark = pytest.mark.wall_time
+
 LONG_S = 20.0
 """Nothing here takes so long; a test that waits for it has failed."""
 SOON_S = 0.05

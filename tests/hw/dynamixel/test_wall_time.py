@@ -23,6 +23,8 @@ from endolock.hw.dynamixel.servo_drive import WATCHDOG_S, ServoDrive
 from endolock.hw.emulator.pty_line import PtyLine
 from endolock.hw.guard import Guard, GuardSettings
 
+pytestmark = pytest.mark.wall_time
+
 PATIENT = GuardSettings(max_age_s=5.0)
 """A machine that is busy elsewhere for a moment is no fault of these tests."""
 HANDLES = {axis: Handle(id=i, zero_counts=2048) for i, axis in enumerate(AXES, 1)}

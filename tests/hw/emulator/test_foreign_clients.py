@@ -16,7 +16,7 @@ from tests.hw.emulated import Emulated
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.pty_line import PtyLine
 
-pytestmark = pytest.mark.extra
+pytestmark = [pytest.mark.extra, pytest.mark.wall_time]
 
 CLIENTS = Path(__file__).parent / "clients"
 LONG_S = 60.0

@@ -143,6 +143,7 @@ def emulator(tmp_path: Path) -> Iterator[Path]:
         assert not link.exists()
 
 
+@pytest.mark.wall_time
 def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
     emulator: Path, tmp_path: Path
 ) -> None:
@@ -172,6 +173,7 @@ def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
         line.close()
 
 
+@pytest.mark.wall_time
 def test_a_stopped_run_that_goes_on_ends_with_the_watchdog(emulator: Path, tmp_path: Path) -> None:
     process, folder = _start(emulator, tmp_path)
     process.send_signal(signal.SIGSTOP)
@@ -183,6 +185,7 @@ def test_a_stopped_run_that_goes_on_ends_with_the_watchdog(emulator: Path, tmp_p
     assert run_folder.read(folder, "ticks").num_rows > 10
 
 
+@pytest.mark.wall_time
 def test_two_programs_on_one_port_do_not_meet(emulator: Path, tmp_path: Path) -> None:
     first = serial_port(emulator, 1_000_000)
     first.open()

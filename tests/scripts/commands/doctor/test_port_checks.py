@@ -32,6 +32,8 @@ from endolock.scripts.commands.doctor import (
 from endolock.scripts.commands.doctor.examination import Finding
 from endolock.scripts.commands.doctor.motor_checks import FoundMotor
 
+pytestmark = pytest.mark.wall_time
+
 STEP_RAD = Units().position_rad
 SHORT = (0.1,)
 """One search, which a busy machine answers within its 0.1 s a rate."""
