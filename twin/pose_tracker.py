@@ -11,10 +11,10 @@ import numpy as np
 from endolock.hw.api import Clock, Pose
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.randomness import generator
-from endolock.twin.world.scenario import Tracker
+from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
 
-class TwinTracker:
+class TwinPoseTracker:
     """Poses of the tip as a rigid body, as an optical tracker delivers them.
 
     Args:
@@ -24,7 +24,9 @@ class TwinTracker:
         seed: of noise and dropouts.
     """
 
-    def __init__(self, settings: Tracker, plant: TwinPlant, clock: Clock, seed: int) -> None:
+    def __init__(
+        self, settings: PoseTrackerSettings, plant: TwinPlant, clock: Clock, seed: int
+    ) -> None:
         self._settings, self._plant, self._clock = settings, plant, clock
         self._noise = generator(seed, "tracker.noise")
         self._drops = generator(seed, "tracker.drops")

@@ -22,15 +22,14 @@ from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.direct_link import DirectLink
 from endolock.hw.guard import Guard
 from endolock.twin.camera import exposure, optics, renderer
-from endolock.twin.camera.exposure import Moment
+from endolock.twin.camera.exposure import SubExposure
 from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.model import scene
 from endolock.twin.physics import motor
 from endolock.twin.physics.plant import TwinPlant
-from endolock.twin.pose_tracker import TwinTracker
-from endolock.twin.world import scenario
+from endolock.twin.pose_tracker import TwinPoseTracker
 from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario import Scenario, loaded
 from endolock.vision import camera_model
 
 OVERVIEW_SIZE = (480, 360)
@@ -94,7 +93,7 @@ class TwinRig:
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario = load(scenario)
+        self.scenario = loaded(scenario)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
@@ -104,9 +103,9 @@ class TwinRig:
         link = DirectLink(self.servos, self.clock)
         drive = ServoDrive(link, self.clock, motor.handles(made), motor.units(made))
         self.actuators = Guard(drive)
-        self.tracker: TwinTracker | None = None
+        self.tracker: TwinPoseTracker | None = None
         if self.scenario.tracker:
-            self.tracker = TwinTracker(self.scenario.tracker, self.plant, self.clock, seed)
+            self.tracker = TwinPoseTracker(self.scenario.tracker, self.plant, self.clock, seed)
 
         video = self.scenario.camera
         model = self.plant.model
@@ -126,7 +125,7 @@ class TwinRig:
         self._pictures: list[Image] = []
         self._blurred = False
         self._darkroom = ThreadPoolExecutor(1)  # one, so that noise is drawn in the same order
-        self._shutter = exposure.moments(video, self.clock.timestep_s, pictures=pictures)
+        self._shutter = exposure.sub_exposures(video, self.clock.timestep_s, pictures=pictures)
         self._moment = next(self._shutter)
 
     def advance(self, step: int) -> None:
@@ -204,7 +203,7 @@ class TwinRig:
         trips_at = min(servo.trips_at for servo in self.servos)
         return floor(trips_at / self.clock.timestep_s + 1e-6) + 1 if isfinite(trips_at) else inf
 
-    def _expose(self, moment: Moment) -> None:
+    def _expose(self, moment: SubExposure) -> None:
         seq, t = moment.seq, self.plant.t
         if moment.nominal:
             self.truth.expose(seq)
@@ -227,8 +226,3 @@ class TwinRig:
         if self._available is not None:
             image = self._darkroom.submit(self._optics.develop, taken) if self._optics else None
             self.camera.send(seq, max(self._available, t), image)
-
-
-def load(source: str | Path | Scenario) -> Scenario:
-    """Return a scenario, read first where it is given by name or file."""
-    return source if isinstance(source, Scenario) else scenario.load(source)

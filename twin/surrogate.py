@@ -27,10 +27,9 @@ from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
-from endolock.twin.rig import load
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.playback import Course
-from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario import Scenario, loaded
 
 TIMESTEP_S = 0.01
 SERVO_LAG_S = 0.025
@@ -86,7 +85,7 @@ class SurrogateRig:
         instrument: Instrument | None = None,
         seed: int = 0,
     ) -> None:
-        self.scenario = load(scenario)
+        self.scenario = loaded(scenario)
         _check(self.scenario)
         made = instrument or Instrument()
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)

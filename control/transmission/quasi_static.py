@@ -33,7 +33,7 @@ TOLERANCE_RAD = 1e-9
 FLAT = 1e-3
 """Slope that is taken where a handle moves no wire [1]: far below any other, and not 0."""
 SHEATH_GIVE_RAD = 0.02
-"""Bend by which a sheath gives before it slides [rad]. Assumed, as the twin's."""
+"""Elastic bend of a sheath with dry friction before it slides [rad]; also the twin's. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)

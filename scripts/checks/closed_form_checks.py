@@ -24,11 +24,10 @@ from endolock.scripts.checks.strokes import (
     still,
     turn,
 )
-from endolock.twin.model.transmission import WIRES
 from endolock.twin.physics import closed_forms
 from endolock.twin.physics.closed_forms import PulledSection
 from endolock.twin.world import instrument_files
-from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.world.instrument import NUMERICS, WIRES, Instrument, Numerics
 
 CHECKS: list[Check] = []
 

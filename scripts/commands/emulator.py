@@ -13,7 +13,7 @@ from rich.console import Console
 from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
-from endolock.twin.hil.hil_server import FarEnd, Setup
+from endolock.twin.hil.hil_server import HilServer, Setup
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import NUMERICS
 
@@ -73,7 +73,7 @@ def main(request: Request) -> int:
         number: signal.signal(number, lambda n, _: asked.append(n))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
-    end = FarEnd(setup)
+    end = HilServer(setup)
     try:
         camera = f", camera at {end.stream.address}" if end.stream else ""
         Console(highlight=False).print(

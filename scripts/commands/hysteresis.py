@@ -26,7 +26,8 @@ from endolock.scripts.runs.hysteresis_protocol import (
 from endolock.scripts.runs.progress import progress
 from endolock.twin.world import instrument_files
 from endolock.twin.world import scenario as scenarios
-from endolock.twin.world.scenario import Scenario, Tracker
+from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
 BENDS_DEG = (0, 30, 60, 90)
 """Bends at which widths are told."""
@@ -55,7 +56,7 @@ class Request:
     """How finely it is simulated."""
     rig: str = "twin"
     """What to drive: twin, hil or hil:wall."""
-    noise_deg: float = Tracker().rotation_noise_deg
+    noise_deg: float = PoseTrackerSettings().rotation_noise_deg
     """Noise of the pose tracker about each axis [deg], standard deviation."""
     map: bool = False
     """Also measure the width over own and other bend, and over the bend of the shaft."""

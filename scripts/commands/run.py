@@ -21,7 +21,7 @@ from endolock.scripts.runs.progress import closing, progress
 from endolock.scripts.runs.target_path import hindsight
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
-from endolock.vision.track import Selection
+from endolock.vision.track_eyes import Selection
 
 UNRECORDED = ("json", "view", "dry_run")
 """Options that change nothing about the run."""

@@ -18,9 +18,9 @@ from endolock.hw.api import ConfigError
 from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera
 from endolock.scripts.commands.run import selection
 from endolock.scripts.runs import output, recordings, run_folder
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Eyes
-from endolock.vision.track import TrackEyes
+from endolock.vision.track_eyes import TrackEyes
 
 
 @dataclass(frozen=True, kw_only=True)

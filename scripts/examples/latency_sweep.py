@@ -5,7 +5,7 @@ from endolock.control.loop import run
 from endolock.control.metrics import score
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 for latency_s in (0.0, 0.2, 0.4):
     loaded = scenario.load("straight", {"camera.latency_s": latency_s})

@@ -4,7 +4,7 @@ from endolock.control.loop import run
 from endolock.control.metrics import score
 from endolock.hw.api import Command, State
 from endolock.twin.rig import TwinRig
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Observation, Status
 
 STEP_RAD_PER_PX = 4e-5

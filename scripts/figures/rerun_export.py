@@ -26,9 +26,9 @@ from endolock.scripts.figures.palette import (
     RGB_YELLOW,
 )
 from endolock.scripts.runs import run_folder
+from endolock.twin.world.instrument import WIRES
 
 TIMELINE = "time"
-WIRES = ("up", "right", "down", "left")
 
 
 def derive(folder: Path) -> Path:

@@ -24,10 +24,10 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
 from endolock.twin.world.instrument import NUMERICS, Instrument
 from endolock.twin.world.scenario import Scenario
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Eyes
-from endolock.vision.track import Selection, TrackEyes
-from endolock.vision.truth import TruthEyes
+from endolock.vision.track_eyes import Selection, TrackEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 TRANSMISSIONS = ("surrogate", "play", "quasi_static")
 """Kinds of transmission behind a `SurrogateRig`, which takes no pictures."""

@@ -17,7 +17,7 @@ from endolock.hw.dynamixel.packets import crc
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
 from endolock.hw.emulator.bus_server import BITS
 from endolock.twin.hil.hil_rig import BAUD, HilRig
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 CYCLES = 3000
 REPEAT = 5

@@ -14,9 +14,9 @@ from endolock.scripts.speed.median_times import median_times
 from endolock.twin.camera.renderer import Renderer
 from endolock.twin.model import scene
 from endolock.twin.rig import TwinRig
-from endolock.vision.markers import MarkerEyes
-from endolock.vision.track import HALF_PX
-from endolock.vision.tracker import Tracker
+from endolock.vision.feature_tracker import FeatureTracker
+from endolock.vision.marker_eyes import MarkerEyes
+from endolock.vision.track_eyes import HALF_PX
 
 
 def render() -> dict[str, Any]:
@@ -38,7 +38,7 @@ def vision() -> dict[str, Any]:
     frame, eyes = _frame_and_eyes()
     assert frame.image is not None
     grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
-    tracker = Tracker(grey, eyes(frame).target_px, (HALF_PX, HALF_PX))
+    tracker = FeatureTracker(grey, eyes(frame).target_px, (HALF_PX, HALF_PX))
     markers_s, tracker_s = median_times(
         lambda: eyes(frame), lambda: tracker.step(grey), repeat=60, warm_up=True
     )

@@ -14,7 +14,7 @@ from endolock.scripts.speed.median_times import median_times
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 SLICE_S = 2.0
 """Simulated time of one physics measurement [s]."""

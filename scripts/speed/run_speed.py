@@ -14,7 +14,7 @@ from endolock.scripts.commands import run
 from endolock.scripts.runs import run_folder
 from endolock.scripts.speed.median_times import median_times
 from endolock.twin.rig import TwinRig
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 
 RUN_S = 10.0
 """Simulated time of one run [s]."""

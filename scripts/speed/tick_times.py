@@ -14,7 +14,7 @@ from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 DURATION_S = 40.0
 """Long enough for what is identified on the way [s]."""

@@ -18,9 +18,9 @@ from endolock.hw.api import Image
 from endolock.scripts.studies import sequences
 from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.world import scenario as scenarios
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.feature_tracker import FeatureTracker
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.reference import Affine, Reference, select
-from endolock.vision.tracker import Tracker
 from endolock.vision.triple_check import TripleCheck
 
 DISTANCES_M = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.16)
@@ -139,7 +139,7 @@ def markers(
 def follow(sights: Iterator[sequences.LabelledPicture], half: int) -> TrackerAccuracy:
     """Let the tracker follow a sequence from its first picture."""
     first = next(sights)
-    tracker = Tracker(first.grey, first.target_px, (half, half))
+    tracker = FeatureTracker(first.grey, first.target_px, (half, half))
     off, taken, refused = [], [], 0
     for sight in sights:
         start = time.perf_counter()
@@ -161,7 +161,7 @@ def hide(kinds: Sequence[sequences.Occlusion]) -> OcclusionResult:
     for kind in kinds:
         sights = sequences.occluded(kind)
         first = next(sights)
-        tracker = Tracker(first.grey, first.target_px, (sequences.HALF_PX,) * 2)
+        tracker = FeatureTracker(first.grey, first.target_px, (sequences.HALF_PX,) * 2)
         plain = 0
         for sight in sights:
             track = tracker.step(sight.grey)

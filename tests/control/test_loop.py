@@ -14,9 +14,10 @@ from endolock.hw.api import Command, CommandError, ConfigError, DeviceFault, Fra
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import Circle
-from endolock.twin.world.scenario import Camera, Scenario
+from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision.observation import Observation, Status
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 ASIDE = Scenario(name="aside", motion=(Circle(kind="circle", radius_m=0.03, period_s=1e9),))
 """The board stands 30 mm to the right, 65 px, for good."""
@@ -193,7 +194,7 @@ def test_eyes_see_every_frame_once() -> None:
 
 
 def test_frames_that_never_arrive_are_not_waited_for() -> None:
-    scenario = Scenario(name="lossy", camera=Camera(drop_fraction=0.5))
+    scenario = Scenario(name="lossy", camera=CameraSettings(drop_fraction=0.5))
     with TwinRig(scenario, pictures=False) as rig:
         eyes = Watched(rig)
         result = loop.run(rig, eyes, Constant(0, 0), duration_s=2.0)

@@ -12,11 +12,12 @@ from endolock.hw.api import Command, Pose
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
-from endolock.twin.world.scenario import Scenario, Tracker
+from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
 
 def _rig(seed: int = 0, instrument: Instrument | None = None, **tracker: float) -> TwinRig:
-    watched = scenario.load("rest").model_copy(update={"tracker": Tracker(**tracker)})
+    watched = scenario.load("rest").model_copy(update={"tracker": PoseTrackerSettings(**tracker)})
     return TwinRig(watched, seed=seed, instrument=instrument, pictures=False)
 
 
@@ -109,7 +110,7 @@ def test_slicing_a_sleep_changes_no_bit(cuts: list[int], rate_hz: float) -> None
 def test_watching_changes_nothing_else() -> None:
     video = {"camera.jitter_s": 0.05, "camera.drop_fraction": 0.3, "camera.latency_s": 0.1}
     plain = scenario.load("random", video)
-    watched = plain.model_copy(update={"tracker": Tracker()})
+    watched = plain.model_copy(update={"tracker": PoseTrackerSettings()})
 
     def frames(of: Scenario) -> list[tuple[int, float]]:
         rig = TwinRig(of, pictures=False, seed=3)

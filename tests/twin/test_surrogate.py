@@ -20,7 +20,7 @@ from endolock.twin.surrogate import Follower, SurrogateRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 NO_PLAY = Plays(radii=(0.0,), weights=(1.0,))
 

@@ -7,12 +7,12 @@ import pytest
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Vector
 from endolock.twin.camera import optics
-from endolock.twin.world.scenario import Camera
+from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import board_pose, camera_model
 
 CAMERAS = {
     "pinhole": camera_model.from_fovy(640, 480, 85.0),
-    "fisheye": optics.calibration(Camera(projection="equidistant", diagonal_deg=140.0)),
+    "fisheye": optics.calibration(CameraSettings(projection="equidistant", diagonal_deg=140.0)),
 }
 POINTS = np.concatenate(list(boards.standard().corners().values()))
 TURN = np.asarray(cv2.Rodrigues(np.array([0.4, -0.3, 0.2]))[0], np.float64)

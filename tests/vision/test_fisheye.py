@@ -9,10 +9,10 @@ import pytest
 
 from endolock.hw.api import Calibration
 from endolock.twin.camera import optics
-from endolock.twin.world.scenario import Camera
+from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import camera_model
 
-FISHEYE = optics.calibration(Camera(projection="equidistant", diagonal_deg=120.0))
+FISHEYE = optics.calibration(CameraSettings(projection="equidistant", diagonal_deg=120.0))
 PINHOLE = camera_model.from_fovy(640, 480, 85.0)
 CAMERAS = {
     "pinhole": PINHOLE,

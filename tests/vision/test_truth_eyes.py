@@ -11,7 +11,7 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation, Status
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 
 def look(name: str, seconds: float, **changes: float) -> list[Observation]:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from itertools import count
 from typing import NamedTuple
 
-from endolock.twin.world.scenario import Camera
+from endolock.twin.world.scenario_sections import CameraSettings
 
 
-class Moment(NamedTuple):
+class SubExposure(NamedTuple):
     """One moment of an exposure."""
 
     step: int
@@ -24,7 +24,9 @@ class Moment(NamedTuple):
     """Whether the frame is complete after it."""
 
 
-def moments(camera: Camera, timestep_s: float, *, pictures: bool) -> Iterator[Moment]:
+def sub_exposures(
+    camera: CameraSettings, timestep_s: float, *, pictures: bool
+) -> Iterator[SubExposure]:
     """Yield all moments in order; frame n is exposed around n / frame_rate_hz.
 
     Args:
@@ -37,4 +39,6 @@ def moments(camera: Camera, timestep_s: float, *, pictures: bool) -> Iterator[Mo
         for part in range(parts):
             off = ((part + 0.5) / parts - 0.5) * camera.exposure_s
             step = round((seq / camera.frame_rate_hz + off) / timestep_s)
-            yield Moment(max(0, step), seq, part == 0, 2 * part + 1 == parts, part + 1 == parts)
+            yield SubExposure(
+                max(0, step), seq, part == 0, 2 * part + 1 == parts, part + 1 == parts
+            )

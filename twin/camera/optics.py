@@ -16,7 +16,7 @@ import numpy as np
 
 from endolock.hw.api import Calibration, Image, Vector
 from endolock.twin.randomness import generator
-from endolock.twin.world.scenario import Camera
+from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import camera_model
 
 FOCAL_SHARE = 0.9
@@ -34,7 +34,7 @@ class Shot(NamedTuple):
     fovy_deg: float
 
 
-def calibration(camera: Camera) -> Calibration:
+def calibration(camera: CameraSettings) -> Calibration:
     """Return the geometry of the delivered pictures."""
     width, height = camera.width, camera.height
     if camera.projection == "pinhole":
@@ -52,7 +52,7 @@ def calibration(camera: Camera) -> Calibration:
     )
 
 
-def shot(camera: Camera) -> Shot:
+def shot(camera: CameraSettings) -> Shot:
     """Return what must be rendered: as delivered, or wide enough for all that a fisheye shows."""
     width, height = camera.width, camera.height
     if camera.projection == "pinhole":
@@ -72,7 +72,7 @@ class Optics:
         seed: of the sensor's noise.
     """
 
-    def __init__(self, camera: Camera, seed: int) -> None:
+    def __init__(self, camera: CameraSettings, seed: int) -> None:
         self._quality = camera.jpeg_quality
         geometry = calibration(camera)
         self._maps = _maps(geometry, shot(camera)) if camera.projection != "pinhole" else None
@@ -128,7 +128,7 @@ def _rays(delivered: Calibration) -> Vector:
     return camera_model.rays(delivered, np.column_stack([u.ravel(), v.ravel()]))
 
 
-def _weight(camera: Camera, geometry: Calibration) -> Image:
+def _weight(camera: CameraSettings, geometry: Calibration) -> Image:
     """Share of the light that each pixel gets, times 255."""
     v, u = np.indices((camera.height, camera.width), np.float64)
     cx, cy = geometry.centre_px

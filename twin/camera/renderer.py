@@ -18,7 +18,7 @@ import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 from endolock.twin.camera import optics
 from endolock.twin.randomness import generator
-from endolock.twin.world.scenario import Camera as Video
+from endolock.twin.world.scenario_sections import CameraSettings
 
 Picture = Image | Future[Image] | None
 """A picture, one that is still being made, or none."""
@@ -162,7 +162,7 @@ class TwinCamera:
         return self._newest
 
 
-def tip_camera(video: Video, clock: Clock, seed: int) -> TwinCamera:
+def tip_camera(video: CameraSettings, clock: Clock, seed: int) -> TwinCamera:
     """Make the tip camera that a scenario asks for."""
     return TwinCamera(
         optics.calibration(video),
@@ -176,6 +176,6 @@ def tip_camera(video: Video, clock: Clock, seed: int) -> TwinCamera:
     )
 
 
-def under_way(video: Video) -> int:
+def under_way(video: CameraSettings) -> int:
     """Most frames that are under way at once, and those of a second more for who asks late."""
     return ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)

@@ -34,7 +34,7 @@ class Place(NamedTuple):
     """Turn within its plane, clockwise in the picture [deg]."""
 
 
-class Still(NamedTuple):
+class BoardStill(NamedTuple):
     """A picture and what is true of it."""
 
     frame: Frame
@@ -68,7 +68,7 @@ class Studio:
         self._renderer = renderer.Renderer(model)
         self._taken = 0
 
-    def take(self, *places: Place, t: float = 0.0) -> Still:
+    def take(self, *places: Place, t: float = 0.0) -> BoardStill:
         """Take one still.
 
         Args:
@@ -87,7 +87,7 @@ class Studio:
             dropped=0,
         )
         self._taken += 1
-        return Still(frame, camera_model.project(self.calibration, point), float(point[2]))
+        return BoardStill(frame, camera_model.project(self.calibration, point), float(point[2]))
 
     def close(self) -> None:
         """Give the OpenGL context back."""

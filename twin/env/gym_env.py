@@ -34,7 +34,7 @@ STATE_ID = "Endolock/TargetLock-v0"
 PIXELS_ID = "Endolock/TargetLock-Pixels-v0"
 
 
-class TargetLock(gymnasium.Env):  # type: ignore[misc]  # an extra, so types are not checked
+class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types are not checked
     """Keep the target in the image centre by turning the two handles.
 
     Args:
@@ -117,7 +117,7 @@ def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
 
     Args:
         count: how many.
-        kwargs: of each `TargetLock`.
+        kwargs: of each `TargetLockEnv`.
     """
     return gymnasium.make_vec(
         STATE_ID,
@@ -141,7 +141,7 @@ def _observed(values: dict[str, Any]) -> dict[str, Any]:
 
 def _register() -> None:
     for name, pixels in ((STATE_ID, False), (PIXELS_ID, True)):
-        gymnasium.register(name, f"{__name__}:{TargetLock.__name__}", kwargs={"pixels": pixels})
+        gymnasium.register(name, f"{__name__}:{TargetLockEnv.__name__}", kwargs={"pixels": pixels})
 
 
 _register()

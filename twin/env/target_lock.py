@@ -25,10 +25,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from endolock.hw.api import Command, ConfigError, Frame, Image, State, Vector
-from endolock.twin import rig as rigs
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
-from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario import Scenario, loaded
 from endolock.vision import camera_model
 
 try:
@@ -126,7 +125,7 @@ class Physics(control.Physics):  # type: ignore[misc]  # dm-control is untyped
         self.rig.close()
 
 
-class TargetLock(control.Task):  # type: ignore[misc]  # dm-control is untyped
+class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyped
     """Keep the target in the image centre, see the module's description.
 
     The action is the two handle goals [rad], (up_down, left_right); the guard of the rig limits and
@@ -264,13 +263,13 @@ def make(
     Raises:
         ConfigError: the scenario or the seed cannot be used.
     """
-    loaded = rigs.load(scenario)
+    task = loaded(scenario)
     needed = pixels or eyes is not exact_eyes
     taken = needed if pictures is None else pictures
-    periods = round(loaded.duration_s / PERIOD_S)
+    periods = round(task.duration_s / PERIOD_S)
     return Environment(
-        Physics(lambda seed: TwinRig(loaded, seed=seed, pictures=taken), seed),
-        TargetLock(None if pixels else eyes),
+        Physics(lambda seed: TwinRig(task, seed=seed, pictures=taken), seed),
+        TargetLockTask(None if pixels else eyes),
         time_limit=(periods - 0.5) * PERIOD_S,  # half a period off, where rounding cannot matter
         control_timestep=PERIOD_S,
     )

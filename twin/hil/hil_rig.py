@@ -33,9 +33,8 @@ from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig
 from endolock.twin.hil.hil_server import Ready, Setup
 from endolock.twin.physics import motor
-from endolock.twin.rig import load
 from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario import Scenario, loaded
 
 BAUD = 1_000_000
 LOCK_STEP_TIMEOUT_S = 2.0
@@ -78,7 +77,7 @@ class HilRig(ClosingRig):
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario = load(scenario)
+        self.scenario = loaded(scenario)
         made = instrument or Instrument()
         self._far = _Far()
         try:

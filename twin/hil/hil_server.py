@@ -72,7 +72,7 @@ class Ready:
     described: Mapping[str, Any]
 
 
-class FarEnd:
+class HilServer:
     """A twin whose handles hang on an emulated bus.
 
     Args:
@@ -229,7 +229,7 @@ def main(descriptor: int) -> int:
     """Serve the near end at the other end of a socket; return the exit code."""
     channel = Connection(descriptor)
     try:
-        end = FarEnd(channel.recv())
+        end = HilServer(channel.recv())
     except ConfigError as error:
         channel.send(("ConfigError", str(error)))
         return 2

@@ -10,8 +10,9 @@ import numpy as np
 
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
 from endolock.twin.camera import stage
-from endolock.twin.model import scene, transmission
-from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.model import scene, wire_springs
+from endolock.twin.physics import wire_friction
+from endolock.twin.world.instrument import WIRES, Instrument, Numerics
 from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 
@@ -71,17 +72,17 @@ class TwinPlant:
         self._camera = scene.camera_id(model, "tip")
         self._turning = int(model.body("base").mocapid[0])
         self._moving = stage.movable(model)
-        self._transmission = transmission.Transmission(model, self.data, instrument)
-        self._refresh_steps = round(transmission.REFRESH_S / model.opt.timestep)
+        self._wires = wire_friction.WireFriction(model, self.data, instrument)
+        self._refresh_steps = round(wire_friction.REFRESH_S / model.opt.timestep)
 
         mujoco.mj_resetDataKeyframe(model, self.data, model.key("home").id)
         upright = scene.board_quaternion(self.base_from_board)
         self.data.mocap_quat[self._moving[0]] = upright
-        slides = transmission.rest_slides(
+        slides = wire_springs.rest_slides(
             instrument, numerics.nodes, self.course.shaft_bend_rad(0.0)
         )
         for n, slide in enumerate(slides, 1):
-            for wire in transmission.WIRES:
+            for wire in WIRES:
                 self.data.joint(f"slide_{wire}_{n}").qpos = slide
         self.step_count = 0
         self.timestep_s = float(model.opt.timestep)
@@ -116,7 +117,7 @@ class TwinPlant:
         if course.pushes:
             force = scene.WORLD_FROM_BASE @ course.tip_force(t)
             self.data.xfrc_applied[self._tip, :3] = force
-        self._transmission.refresh(course.shaft_bend_rad(t))
+        self._wires.refresh(course.shaft_bend_rad(t))
         self._current_at = self.step_count
 
     def board_position(self) -> tuple[float, float, float]:
@@ -161,7 +162,7 @@ class TwinPlant:
             data.xmat[self._tip].copy(),
             data.xmat[self._base].copy(),
             data.xpos[self._backbone],
-            self._transmission.tensions(),
+            self._wires.tensions(),
             self.board_position(),
         )
 
@@ -202,7 +203,7 @@ class TwinPlant:
 
     def _update(self) -> None:
         if self._current_at != self.step_count:
-            self._transmission.update_lengths()
+            self._wires.update_lengths()
             self._current_at = self.step_count
 
     def _with_camera(self, backbone: Vector, tip: Vector) -> Vector:

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 
 from endolock.hw.api import ConfigError
 
+WIRES = ("up", "right", "down", "left")
+"""The four wires, clockwise as the camera sees them."""
 SIGNED = ("slack_m", "misalignment_rad")
 MAY_BE_ZERO = (
     *SIGNED,

@@ -213,7 +213,9 @@ class RandomPath:
         self._samples.frombytes(np.ascontiguousarray(rows * self._scale).tobytes())
 
 
-Motion = Annotated[Strokes | Triangle | Circle | Sine | Jump | Random, Field(discriminator="kind")]
+BoardMotion = Annotated[
+    Strokes | Triangle | Circle | Sine | Jump | Random, Field(discriminator="kind")
+]
 """Any of them; `kind` tells which."""
 KINDS: dict[str, type[Section]] = {
     "strokes": Strokes,

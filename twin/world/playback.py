@@ -7,7 +7,8 @@ from math import pi, radians, sin
 from endolock.hw.api import Vector
 from endolock.twin.randomness import generator
 from endolock.twin.world.motion import Offset, Random
-from endolock.twin.world.scenario import Scenario, Shaft
+from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario_sections import Shaft
 
 Point = tuple[float, float, float]
 """Position [m] or force [N] (right, down, distal) in the base frame."""

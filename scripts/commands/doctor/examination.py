@@ -204,7 +204,7 @@ def opencv(sights: Sights) -> Finding:
         text = f"{cv2.__version__}, no picture to find markers in"
         return Finding("opencv", False, text, advice or "mend the picture first")
     from endolock.hw import boards
-    from endolock.vision.markers import MarkerEyes
+    from endolock.vision.marker_eyes import MarkerEyes
 
     (frame, calibration), geometry = sights[0], boards.standard()
     seen = MarkerEyes(calibration, geometry)(frame)

@@ -12,7 +12,7 @@ from endolock.hw.api import ConfigError, Mode, State
 from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 CAMERA = camera_model.from_fovy(640, 480, 85.0)
 AT_REST = State(

@@ -22,7 +22,7 @@ from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.commands import run as runs
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 TIGHT = Cable(wrap_friction=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05)
 TRUE = (0.7, 0.2, START[2] + 0.2, -3e-3, 0.05, 0.02)

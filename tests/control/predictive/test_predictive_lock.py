@@ -19,7 +19,7 @@ from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 FRAME_S = 0.04
 HORIZON_S = 0.45

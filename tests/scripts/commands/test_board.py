@@ -21,7 +21,7 @@ from endolock.scripts.figures import board_svg
 from endolock.twin.model import drawing
 from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.playback import Course
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Status
 
 SVG = "{http://www.w3.org/2000/svg}"

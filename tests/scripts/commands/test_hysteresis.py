@@ -16,7 +16,7 @@ from endolock.scripts.commands import hysteresis
 from endolock.scripts.commands.hysteresis import Request
 from endolock.scripts.runs import run_folder
 from endolock.scripts.runs.hysteresis_protocol import Protocol
-from endolock.twin.pose_tracker import TwinTracker
+from endolock.twin.pose_tracker import TwinPoseTracker
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import instrument_files
 
@@ -141,10 +141,10 @@ def test_a_rig_without_a_tracker_is_refused() -> None:
 def test_a_tracker_that_sees_nothing_leaves_no_folder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def blind(_tracker: TwinTracker) -> Pose | None:
+    def blind(_tracker: TwinPoseTracker) -> Pose | None:
         return None
 
-    monkeypatch.setattr(TwinTracker, "latest", blind)
+    monkeypatch.setattr(TwinPoseTracker, "latest", blind)
     assert cli.main(["hysteresis", "--out", str(tmp_path / "run")]) == 2
     assert "the pose tracker gave 0 poses in 1.0 s; see that" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
@@ -174,15 +174,15 @@ def test_an_interruption_leaves_the_handles_held(after_s: float) -> None:
 def test_ctrl_c_ends_with_130_and_a_readable_log(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    measure, seen = TwinTracker.measure, []
+    measure, seen = TwinPoseTracker.measure, []
 
-    def interrupt(tracker: TwinTracker) -> None:
+    def interrupt(tracker: TwinPoseTracker) -> None:
         measure(tracker)
         seen.append(1)
         if len(seen) == 500:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(TwinTracker, "measure", interrupt)
+    monkeypatch.setattr(TwinPoseTracker, "measure", interrupt)
     out = tmp_path / "run"
     assert cli.main(["hysteresis", "--out", str(out)]) == 130
     assert run_folder.read(out, "ticks").num_rows > 100

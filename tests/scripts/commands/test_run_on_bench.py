@@ -27,7 +27,7 @@ from endolock.scripts import cli
 from endolock.scripts.commands import bus
 from endolock.scripts.runs import run_folder
 from endolock.twin.hil.hil_rig import HilRig
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 NAMES = {1: "up_down", 2: "left_right"}
 TRIES = 5

@@ -21,7 +21,7 @@ from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 MAY_STAND = {"still"}
 """Laws that do not claim to follow."""

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endolock.hw.api import ConfigError
-from endolock.twin.camera.exposure import moments
+from endolock.twin.camera.exposure import sub_exposures
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
-from endolock.twin.world.scenario import Camera
-from endolock.vision.markers import MarkerEyes
+from endolock.twin.world.scenario_sections import CameraSettings
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Status
 
 TIMESTEP_S = 0.002
@@ -24,8 +24,10 @@ TIMESTEP_S = 0.002
     rate=st.floats(5, 60), share=st.floats(0, 1), parts=st.integers(0, 5).map(lambda n: 2 * n + 1)
 )
 def test_moments_stand_around_their_frames_in_order(rate: float, share: float, parts: int) -> None:
-    camera = Camera(frame_rate_hz=rate, exposure_s=min(0.1, share / rate), sub_exposures=parts)
-    drawn = list(islice(moments(camera, TIMESTEP_S, pictures=True), 60))
+    camera = CameraSettings(
+        frame_rate_hz=rate, exposure_s=min(0.1, share / rate), sub_exposures=parts
+    )
+    drawn = list(islice(sub_exposures(camera, TIMESTEP_S, pictures=True), 60))
     assert [m.step for m in drawn] == sorted(m.step for m in drawn)
     assert drawn[0].step >= 0
     for moment in drawn:
@@ -40,8 +42,10 @@ def test_moments_stand_around_their_frames_in_order(rate: float, share: float, p
 
 
 def test_without_pictures_only_the_middle_counts() -> None:
-    camera = Camera(exposure_s=0.03)
-    assert all(m.nominal and m.last for m in islice(moments(camera, 0.002, pictures=False), 9))
+    camera = CameraSettings(exposure_s=0.03)
+    assert all(
+        m.nominal and m.last for m in islice(sub_exposures(camera, 0.002, pictures=False), 9)
+    )
 
 
 @pytest.mark.parametrize(

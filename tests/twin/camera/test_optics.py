@@ -9,15 +9,15 @@ from endolock.hw.api import Image
 from endolock.twin.camera import optics
 from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.world import scenario
-from endolock.twin.world.scenario import Camera
+from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import camera_model
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 
 GREY = np.full((480, 640, 3), 100, np.uint8)
 
 
 def _developed(*pictures: Image, seed: int = 0, **camera: Any) -> np.ndarray:
-    return optics.Optics(Camera(**camera), seed).develop(pictures or [GREY])
+    return optics.Optics(CameraSettings(**camera), seed).develop(pictures or [GREY])
 
 
 def test_without_optics_a_picture_stays_what_it_is() -> None:
@@ -44,7 +44,7 @@ def test_a_fisheye_shows_the_target_where_it_is(diagonal_deg: float, mask: str) 
 
 
 def test_what_is_rendered_is_just_wide_enough() -> None:
-    camera = Camera(projection="equidistant", mask="octagon")
+    camera = CameraSettings(projection="equidistant", mask="octagon")
     fisheye, shot = optics.calibration(camera), optics.shot(camera)
     rays = np.array(
         [
@@ -61,7 +61,7 @@ def test_what_is_rendered_is_just_wide_enough() -> None:
 def test_a_mask_is_black_outside_and_changes_nothing_inside() -> None:
     for mask in ("octagon", "circle"):
         image = _developed(mask=mask)
-        shown = camera_model.visible(optics.calibration(Camera(mask=mask)))
+        shown = camera_model.visible(optics.calibration(CameraSettings(mask=mask)))
         assert (image[~shown] == 0).all()
         assert (image[shown] == 100).all()
 
@@ -82,7 +82,7 @@ def test_noise_has_its_deviation_and_its_seed() -> None:
     assert image.mean() == pytest.approx(100.0, abs=0.1)
     assert np.array_equal(image, _developed(noise=6.0))
     assert not np.array_equal(image, _developed(noise=6.0, seed=1))
-    twice = optics.Optics(Camera(noise=6.0), 0)
+    twice = optics.Optics(CameraSettings(noise=6.0), 0)
     assert not np.array_equal(twice.develop([GREY]), twice.develop([GREY]))
 
 

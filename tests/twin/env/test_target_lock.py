@@ -12,8 +12,8 @@ from endolock.control.laws.pi import PI
 from endolock.hw.api import CommandError, ConfigError, Frame, Vector
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
-from endolock.vision.markers import MarkerEyes
-from endolock.vision.truth import TruthEyes
+from endolock.vision.marker_eyes import MarkerEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
 from dm_env import test_utils

@@ -10,7 +10,7 @@ from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.model import drawing
 from endolock.twin.world import scenario
 from endolock.vision.detector import MarkerDetector, grey_of
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 
 
 @pytest.mark.parametrize("kind", boards.all_boards())

@@ -10,8 +10,7 @@ import pytest
 from endolock.hw import boards
 from endolock.hw.api import ConfigError
 from endolock.twin.model import generate, scene, section
-from endolock.twin.model.transmission import WIRES
-from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.instrument import WIRES, Instrument, Numerics
 
 SIDE = {"up": ("up_down", -1), "right": ("left_right", -1), "down": ("up_down", 1)}
 SIDE["left"] = ("left_right", 1)

@@ -9,7 +9,8 @@ from endolock.hw.api import Plant
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Push, Scenario, Shaft
+from endolock.twin.world.scenario import Scenario
+from endolock.twin.world.scenario_sections import Push, Shaft
 
 ROLL = Shaft(kind="roll", start_s=0.0, over_s=0.1, by_deg=10.0)
 

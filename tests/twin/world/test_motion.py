@@ -99,7 +99,7 @@ def test_a_jump_goes_evenly_and_stays() -> None:
 
 
 def test_every_kind_is_listed_under_its_name() -> None:
-    union, _ = get_args(motion.Motion)
+    union, _ = get_args(motion.BoardMotion)
     named = {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in get_args(union)}
     assert named == motion.KINDS
 

@@ -9,6 +9,7 @@ from endolock.hw.api import ConfigError
 from endolock.twin.world import scenario
 from endolock.twin.world.motion import Event
 from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
 FOLDER = Path(scenario.__file__).parents[2] / "models/scenarios"
 BEND = '[[shaft]]\nkind = "bend"\nstart_s = 0\nover_s = 1\nby_deg = 1\n'
@@ -40,10 +41,10 @@ def test_overrides_replace_the_file() -> None:
 def test_there_is_a_tracker_where_the_file_or_an_override_gives_one(tmp_path: Path) -> None:
     assert scenario.load("straight").tracker is None
     faster = scenario.load("straight", {"tracker.rate_hz": 50})
-    assert faster.tracker == scenario.Tracker(rate_hz=50.0)
+    assert faster.tracker == PoseTrackerSettings(rate_hz=50.0)
     file = tmp_path / "mine.toml"
     file.write_text("[tracker]\n")
-    assert scenario.load(file).tracker == scenario.Tracker()
+    assert scenario.load(file).tracker == PoseTrackerSettings()
 
 
 def test_sources_name_list_items_by_number() -> None:

@@ -60,7 +60,7 @@ OVERLAP = 4.0
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
 
 
-class Track(NamedTuple):
+class FollowedTarget(NamedTuple):
     """An accepted place of the target."""
 
     pixel: tuple[float, float]
@@ -72,7 +72,7 @@ class Track(NamedTuple):
     """Correlation with the reference [1]."""
 
 
-class Tracker:
+class FeatureTracker:
     """Follows one window of the first picture.
 
     Args:
@@ -95,7 +95,7 @@ class Tracker:
         self._check = TripleCheck(reference.offsets)
         self._check.accept(grey, self._last)
 
-    def step(self, grey: Image) -> Track | str:
+    def step(self, grey: Image) -> FollowedTarget | str:
         """Find the target in the next picture.
 
         Returns:
@@ -125,7 +125,7 @@ class Tracker:
         self._motion *= 0.5
         return why
 
-    def _near(self, grey: Image, guess: Affine) -> tuple[Affine, Track] | str:
+    def _near(self, grey: Image, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
         """Look around a guess: coarse correlation, then the points."""
         hx, hy = self._extent(guess.scale, 0)
         middle = _whole(guess.place)
@@ -144,7 +144,7 @@ class Tracker:
         hx, hy = self.reference.half
         return max(6, round(hx * scale)) + margin, max(6, round(hy * scale)) + margin
 
-    def _fine(self, around: View, guess: Affine) -> tuple[Affine, Track] | str:
+    def _fine(self, around: View, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
         """Follow the points from the reference into the picture, and back; fit and judge."""
         half = self._extent(guess.scale, EDGE)
         middle = _whole(guess.place)
@@ -173,7 +173,7 @@ class Tracker:
             return f"likeness {likeness:.2f}, {MIN_LIKENESS:.2f} needed"
         spread = max(variance * OVERLAP / inliers, NOISE_PX**2)
         pixel = seen.place.real, seen.place.imag
-        return seen, Track(pixel, (spread, 0.0, spread), seen.scale, likeness)
+        return seen, FollowedTarget(pixel, (spread, 0.0, spread), seen.scale, likeness)
 
     def _continuous(self, seen: Affine, predicted: Affine) -> str:
         """Gates on the change since the last frame; after a gap only the size counts."""
@@ -186,7 +186,7 @@ class Tracker:
             return f"jump of {jump:.0f} px"
         return ""
 
-    def _search(self, everywhere: View) -> tuple[Affine, Track] | str:
+    def _search(self, everywhere: View) -> tuple[Affine, FollowedTarget] | str:
         """Look everywhere, at several sizes, and judge the best places closely."""
         side = 2 * min(self.reference.half) * self._last.scale
         shrink = min(1.0, SEARCH_SIDE / side)

@@ -16,37 +16,17 @@ import mujoco
 
 from endolock.control.transmission import cable
 from endolock.hw.api import AXES
-from endolock.twin.world.instrument import Instrument
+from endolock.twin.model.wire_springs import LEAST_FRICTION_N
+from endolock.twin.world.instrument import WIRES, Instrument
 
-WIRES = ("up", "right", "down", "left")
-"""The four wires, clockwise as the camera sees them."""
 REFRESH_S = 0.010
 """Period of the renewal [s]; every step costs 1.4-2 times more and changes nothing visible."""
 ROW_SOFTNESS = 3e-3
 """Factor on MuJoCo's estimate of the node's inverse inertia: without it a node under load creeps
 several degrees a minute."""
-LEAST_FRICTION_N = 1e-6
-"""Friction bound of a node without tension [N]: zero would take its row out of the solver."""
 
 
-def spring_stiffness(
-    instrument: Instrument, nodes: int, shaft_bend_rad: float, bend_rad: float
-) -> list[float]:
-    """Stiffness of the springs of one wire from handle to section [N/m], nodes + 1 of them.
-
-    Args:
-        instrument: parameters of wire and conduit.
-        nodes: friction nodes per wire.
-        shaft_bend_rad: bend of the shaft [rad].
-        bend_rad: bend of the section, both axes together [rad], >= 0.
-    """
-    k = instrument.wire_stiffness
-    a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
-    b = instrument.section_friction * bend_rad
-    return [k / c for c in cable.compliances(a, b, nodes)]
-
-
-class Transmission:
+class WireFriction:
     """Keeps the friction nodes of one compiled model in step with its state.
 
     It remembers nothing but addresses: whatever it writes follows from mjData and the shaft bend.
@@ -125,27 +105,3 @@ class Transmission:
     def _tensions(self, stiffness: list[float]) -> list[float]:
         stretches = zip(stiffness, self._length.tolist(), self._rest, strict=True)
         return [k * (length - rest) if length > rest else 0.0 for k, length, rest in stretches]
-
-
-def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> list[float]:
-    """Positions of the friction nodes of a wire at rest [m], where all its springs pull alike.
-
-    The handles are at zero.
-
-    Args:
-        instrument: parameters of wire and conduit.
-        nodes: friction nodes per wire.
-        shaft_bend_rad: bend of the shaft [rad].
-    """
-    compliance = [1 / k for k in spring_stiffness(instrument, nodes, shaft_bend_rad, 0.0)]
-    strain = min(0.0, instrument.slack_at(shaft_bend_rad)) / sum(compliance)
-    return [strain * sum(compliance[: n + 1]) for n in range(nodes)]
-
-
-def rest_friction(instrument: Instrument, nodes: int) -> list[float]:
-    """Friction bounds of the nodes of a wire at rest with a straight shaft [N]."""
-    stretch = -rest_slides(instrument, nodes, 0.0)[0]
-    tension = stretch * spring_stiffness(instrument, nodes, 0.0, 0.0)[0]
-    a = instrument.conduit_friction * instrument.wrap_at(0.0)
-    ratios = cable.friction_ratios(a, 0.0, nodes)
-    return [max(ratio * 2 * tension, LEAST_FRICTION_N) for ratio in ratios]

@@ -34,7 +34,7 @@ MARGIN = 0.35
 100 px moves by less than 35 px from frame to frame in all scenarios but `jump`."""
 
 
-class Fit(NamedTuple):
+class BoardFit(NamedTuple):
     """Where a fitted board puts the target."""
 
     pixel: tuple[float, float]
@@ -81,7 +81,7 @@ class MarkerEyes:
             corners_px=_flat(found),
         )
 
-    def look(self, frame: Frame) -> tuple[list[Marker], Fit | str]:
+    def look(self, frame: Frame) -> tuple[list[Marker], BoardFit | str]:
         """Find markers in a frame and fit the board to them.
 
         Returns:
@@ -103,7 +103,7 @@ class MarkerEyes:
         self._near = [] if isinstance(fit, str) else found
         return found, fit
 
-    def fit(self, markers: Sequence[Marker]) -> Fit | str:
+    def fit(self, markers: Sequence[Marker]) -> BoardFit | str:
         """Fit the board to markers found in a picture; one that does not belong is left out.
 
         Args:
@@ -150,7 +150,7 @@ class MarkerEyes:
             return inf, None
         return float(np.sqrt((pose.misfit**2).sum(axis=1).mean())), pose
 
-    def _fit(self, pose: BoardPose) -> Fit | str:
+    def _fit(self, pose: BoardPose) -> BoardFit | str:
         seen, pixel, gain = pose.place(self._calibration, self.target)
         if not np.isfinite(pixel).all():
             return "target behind the camera"
@@ -159,7 +159,7 @@ class MarkerEyes:
         spread = noise * gain @ np.linalg.solve(pose.information, gain.T)
         (uu, uv), (_, vv) = spread.tolist()
         u, v = pixel.tolist()
-        return Fit((u, v), (uu, uv, vv), float(seen[2]), pose)
+        return BoardFit((u, v), (uu, uv, vv), float(seen[2]), pose)
 
     def _in_region(self, grey: Image) -> list[Marker]:
         """Look around the last corners, in twice the size where the markers are small."""

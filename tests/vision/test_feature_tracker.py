@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from endolock.scripts.studies import sequences, vision_accuracy
+from endolock.vision.feature_tracker import FeatureTracker, FollowedTarget
 from endolock.vision.reference import Affine, normalised, select
-from endolock.vision.tracker import Track, Tracker
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_every_refusal_has_a_reason_and_coasting_ends_with_the_target(
     for _ in range(3):
         assert isinstance(why := tracker.step(blank), str)
         assert why
-    assert isinstance(tracker.step(clean[1].grey), Track)
+    assert isinstance(tracker.step(clean[1].grey), FollowedTarget)
 
 
 def test_a_target_that_leaves_the_picture_is_refused(
@@ -95,7 +95,7 @@ def test_a_window_that_cannot_be_followed_says_why(
     plain = clean[0].grey.copy()
     plain[:80] = 120
     with pytest.raises(ValueError, match=why):
-        Tracker(plain, centre, half)
+        FeatureTracker(plain, centre, half)
 
 
 def test_normalised_contrast_forgets_gain_and_offset(
@@ -126,5 +126,5 @@ def test_points_lie_in_the_window(clean: list[sequences.LabelledPicture]) -> Non
     assert np.abs(reference.offsets.imag).max() <= 16
 
 
-def _tracker(sight: sequences.LabelledPicture) -> Tracker:
-    return Tracker(sight.grey, sight.target_px, (sequences.HALF_PX,) * 2)
+def _tracker(sight: sequences.LabelledPicture) -> FeatureTracker:
+    return FeatureTracker(sight.grey, sight.target_px, (sequences.HALF_PX,) * 2)

@@ -8,9 +8,9 @@ from endolock.control.loop import Run, run
 from endolock.hw.api import Frame, Image
 from endolock.twin.rig import TwinRig
 from endolock.vision import camera_model
-from endolock.vision.markers import MarkerEyes
+from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import COAST_FRAMES, Lock, Status
-from endolock.vision.truth import TruthEyes
+from endolock.vision.truth_eyes import TruthEyes
 
 
 @pytest.fixture(scope="module")

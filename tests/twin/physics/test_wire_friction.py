@@ -12,11 +12,12 @@ import pytest
 
 from endolock.scripts.checks.strokes import ONE_WIRE, loop, still, turn, width
 from endolock.twin.model import scene
-from endolock.twin.model.transmission import ROW_SOFTNESS, WIRES, rest_slides, spring_stiffness
+from endolock.twin.model.wire_springs import rest_slides, spring_stiffness
 from endolock.twin.physics.plant import TwinPlant
+from endolock.twin.physics.wire_friction import ROW_SOFTNESS
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import instrument_files, scenario
-from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.world.instrument import NUMERICS, WIRES, Instrument, Numerics
 from endolock.twin.world.playback import Course
 
 INSTRUMENT = Instrument()

@@ -14,9 +14,9 @@ import numpy as np
 
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.vision import camera_model, refusal
-from endolock.vision.markers import Fit, MarkerEyes
+from endolock.vision.feature_tracker import FeatureTracker
+from endolock.vision.marker_eyes import BoardFit, MarkerEyes
 from endolock.vision.observation import Lock, Observation
-from endolock.vision.tracker import Tracker
 
 HALF_PX = 20
 """Half side of the window where only the target's place is known [px]."""
@@ -46,7 +46,7 @@ class TrackEyes:
             check(selection, calibration)
         self._calibration, self._selection = calibration, selection
         self._markers = MarkerEyes(calibration, board)
-        self._tracker: Tracker | None = None
+        self._tracker: FeatureTracker | None = None
         self._lock = Lock()
 
     def __call__(self, frame: Frame) -> Observation:
@@ -86,7 +86,7 @@ class TrackEyes:
             covariance=track.covariance,
         )
 
-    def _start(self, grey: np.ndarray, fit: Fit | str) -> str:
+    def _start(self, grey: np.ndarray, fit: BoardFit | str) -> str:
         """Take the reference; return why it cannot be taken from this picture."""
         if self._selection is None:
             if isinstance(fit, str):
@@ -97,7 +97,7 @@ class TrackEyes:
             centre = left + (width - 1) / 2, top + (height - 1) / 2
             half = (width - 1) // 2, (height - 1) // 2
         try:
-            self._tracker = Tracker(np.asarray(grey, np.uint8), centre, half)
+            self._tracker = FeatureTracker(np.asarray(grey, np.uint8), centre, half)
         except ValueError as error:
             if self._selection is None:
                 return str(error)

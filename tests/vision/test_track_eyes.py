@@ -14,7 +14,7 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import COAST_FRAMES, Status
-from endolock.vision.track import TrackEyes
+from endolock.vision.track_eyes import TrackEyes
 
 
 def test_a_run_without_markers_is_locked_and_judged_by_them() -> None:

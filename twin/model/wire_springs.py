@@ -1,0 +1,54 @@
+"""Springs and rest state of the wires: what a built model starts with.
+
+Each wire is cut into springs and friction nodes (`physics/wire_friction.py`); their stiffness and
+friction follow from `control/transmission/cable.py`.
+"""
+
+from __future__ import annotations
+
+from endolock.control.transmission import cable
+from endolock.twin.world.instrument import Instrument
+
+LEAST_FRICTION_N = 1e-6
+"""Friction bound of a node without tension [N]: zero would take its row out of the solver."""
+
+
+def spring_stiffness(
+    instrument: Instrument, nodes: int, shaft_bend_rad: float, bend_rad: float
+) -> list[float]:
+    """Stiffness of the springs of one wire from handle to section [N/m], nodes + 1 of them.
+
+    Args:
+        instrument: parameters of wire and conduit.
+        nodes: friction nodes per wire.
+        shaft_bend_rad: bend of the shaft [rad].
+        bend_rad: bend of the section, both axes together [rad], >= 0.
+    """
+    k = instrument.wire_stiffness
+    a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
+    b = instrument.section_friction * bend_rad
+    return [k / c for c in cable.compliances(a, b, nodes)]
+
+
+def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> list[float]:
+    """Positions of the friction nodes of a wire at rest [m], where all its springs pull alike.
+
+    The handles are at zero.
+
+    Args:
+        instrument: parameters of wire and conduit.
+        nodes: friction nodes per wire.
+        shaft_bend_rad: bend of the shaft [rad].
+    """
+    compliance = [1 / k for k in spring_stiffness(instrument, nodes, shaft_bend_rad, 0.0)]
+    strain = min(0.0, instrument.slack_at(shaft_bend_rad)) / sum(compliance)
+    return [strain * sum(compliance[: n + 1]) for n in range(nodes)]
+
+
+def rest_friction(instrument: Instrument, nodes: int) -> list[float]:
+    """Friction bounds of the nodes of a wire at rest with a straight shaft [N]."""
+    stretch = -rest_slides(instrument, nodes, 0.0)[0]
+    tension = stretch * spring_stiffness(instrument, nodes, 0.0, 0.0)[0]
+    a = instrument.conduit_friction * instrument.wrap_at(0.0)
+    ratios = cable.friction_ratios(a, 0.0, nodes)
+    return [max(ratio * 2 * tension, LEAST_FRICTION_N) for ratio in ratios]
