@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "scripts" / "examples").glob("*.py"))
+EXAMPLES = sorted((Path(__file__).parents[2] / "scripts" / "examples").glob("[!_]*.py"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
