@@ -1,4 +1,4 @@
-"""How much the latency alone costs: one law, three latencies, no pictures."""
+"""How much the latency alone costs: one controller, three latencies, no pictures."""
 
 from endolock.control.laws.pi import PI
 from endolock.control.loop import run

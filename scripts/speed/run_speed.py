@@ -63,7 +63,7 @@ def log() -> dict[str, float]:
 
 
 def _unlogged(scenario: str) -> float:
-    """Pictures, markers and law without a run folder: the loop alone."""
+    """Pictures, markers and controller without a run folder: the loop alone."""
     factors: list[float] = []
     for _ in range(3):
         with TwinRig(scenario) as rig:

@@ -1,4 +1,4 @@
-"""What one tick of each law costs, in the loop on the surrogate."""
+"""What one tick of each controller costs, in the loop on the surrogate."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ STROKE_S = 8.6
 
 
 class TimedController:
-    """A law whose ticks are timed.
+    """A controller whose ticks are timed.
 
     Args:
-        law: the law.
+        controller: the law.
     """
 
     def __init__(self, law: Controller) -> None:
@@ -47,12 +47,12 @@ class TimedController:
 
 
 def mean() -> dict[str, float]:
-    """Mean time of a tick of each law [ms]."""
+    """Mean time of a tick of each controller [ms]."""
     return {name: 1e3 * float(taken.mean()) for name, taken in _taken().items()}
 
 
 def p99() -> dict[str, float]:
-    """Time that 99 of 100 ticks stay below, of each law [ms]."""
+    """Time that 99 of 100 ticks stay below, of each controller [ms]."""
     return {name: 1e3 * float(np.percentile(taken, 99)) for name, taken in _taken().items()}
 
 

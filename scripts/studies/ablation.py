@@ -1,6 +1,6 @@
-"""What each mechanism of the predictive lock buys: the law with one of them taken away at a time.
+"""Ablation of the predictive lock: its error with one mechanism removed at a time.
 
-./run python -m endolock.scripts.studies.ablation prints the table of docs/predictive.md; about a
+`./run python -m endolock.scripts.studies.ablation` prints the table of docs/predictive.md; about a
 minute.
 """
 
@@ -16,14 +16,14 @@ from endolock.scripts.runs.markdown_table import markdown_table
 
 NEVER = "law.identify_every_s=1e9"
 WITHOUT: dict[str, tuple[str, tuple[str, ...]]] = {
-    "all of it": ("predictive_bank", ()),
+    "nothing": ("predictive_bank", ()),
     "harmonic predictor": ("predictive_bank", ("law.harmonic=false",)),
-    "bank: one quick predictor": ("predictive", ()),
-    "identification, and so prediction": ("predictive_bank", (NEVER,)),
+    "bank (one fast predictor)": ("predictive", ()),
+    "identification, and thus prediction": ("predictive_bank", (NEVER,)),
     "capstan model": ("predictive_bank", ("law.capstan=false",)),
-    "damped renewal of the weights": ("predictive_bank", ("law.damping=1.0",)),
+    "damped update of the weights": ("predictive_bank", ("law.damping=1.0",)),
     "reference play": ("predictive_bank", ("law.reversal_rad=0.0",)),
-    "trust by handle speed": ("predictive_bank", ("law.latency_uncertainty_s=0.0",)),
+    "weighting by handle speed": ("predictive_bank", ("law.latency_uncertainty_s=0.0",)),
     "caution": ("predictive_bank", ("law.busy_per_s=1e9",)),
 }
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -37,7 +37,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def table() -> str:
-    """Measure and lay out, as Markdown."""
+    """Run every case and return the table as Markdown."""
     asked = [
         run.Request(
             scenario=scenario,

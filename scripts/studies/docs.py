@@ -1,4 +1,4 @@
-"""`./run docs`: writes again everything in docs/ and models/ that is generated."""
+"""`./run docs`: regenerates everything in docs/ and models/ that is generated."""
 
 from __future__ import annotations
 
@@ -25,15 +25,20 @@ from endolock.scripts.runs import record_table
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies import (
     ablation,
+    controller_benchmark,
     ensemble,
     foreign_plants,
     internal_models,
-    law_benchmark,
     questions,
     verification,
     vision_docs,
 )
-from endolock.scripts.thesis import chapter_figures, chapter_runs, law_calibration, statements
+from endolock.scripts.thesis import (
+    chapter_figures,
+    chapter_runs,
+    controller_calibration,
+    statements,
+)
 from endolock.twin.model import generate
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import Instrument
@@ -41,9 +46,9 @@ from endolock.twin.world.instrument import Instrument
 ROOT = Path(__file__).resolve().parents[2]
 END = "<!-- end -->"
 PICTURED = ("straight", "circle", "close", "endoscope", "rest")
-"""Scenarios run with pictures; the others' tables take the exact projections."""
+"""Scenarios run with pictures; all others are run with exact projections."""
 STRIPS = {"straight": "strip.png", "endoscope": "endoscope.png"}
-"""Runs with `pi` of which pictures are shown."""
+"""Strips of pictures from runs with `pi`, by scenario."""
 COMPARED = ("still", "pi", "ik")
 HEADINGS = (
     *("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px"),
@@ -66,7 +71,7 @@ The same with `--vision truth`: what eyes that make no error would let these law
 
 
 def main(_args: list[str]) -> int:
-    """Regenerate the models with their card, and the figures and pictures in docs/."""
+    """Regenerate the models and their card, and the figures and pictures in docs/."""
     console = Console(stderr=True)
     console.print("models")
     generate.main()
@@ -75,39 +80,39 @@ def main(_args: list[str]) -> int:
     (models / "scenarios" / "schema.json").write_text(schema(), encoding="utf-8")
     card = generate.folder() / "README.md"
     text = _between(card.read_text(encoding="utf-8"), "parameters", parameters())
-    with console.status("measuring what the model card says"):
+    with console.status("running the checks of the model card"):
         text = _between(text, "verification", verified())
     card.write_text(text, encoding="utf-8")
 
-    with console.status("measuring and fitting what docs/identify.md says"):
+    with console.status("measuring and fitting for docs/identify.md"):
         guide = ROOT / "docs" / "identify.md"
         text = _between(guide.read_text(encoding="utf-8"), "own", identified())
         text = _between(text, "foreign", misfitted())
     guide.write_text(text, encoding="utf-8")
-    with console.status("measuring what docs/vision.md says"):
+    with console.status("measuring for docs/vision.md"):
         vision_docs.write(ROOT / "docs", _between)
-    with console.status("running the laws again as in the thesis"):
+    with console.status("repeating the runs of the thesis for docs/control.md"):
         answered()
-    with console.status("running the predictive lock on unknown plants, and in parts"):
+    with console.status("running the predictive lock for docs/predictive.md"):
         guide = ROOT / "docs" / "predictive.md"
         text = guide.read_text(encoding="utf-8")
         text = _between(text, "ensemble", ensemble.table(("pi_simc", "predictive_bank")))
         text = _between(text, "ablation", ablation.table())
         text = _between(text, "models", internal_models.table())
         guide.write_text(text, encoding="utf-8")
-    with console.status("running the benchmark of laws, some minutes"):
-        (ROOT / "docs" / "benchmark.md").write_text(law_benchmark.page(), encoding="utf-8")
+    with console.status("running the benchmark of the controllers, some minutes"):
+        (ROOT / "docs" / "benchmark.md").write_text(controller_benchmark.page(), encoding="utf-8")
     with tempfile.TemporaryDirectory() as place:
         record = hysteresis.perform(hysteresis.Request(map=True, out=Path(place) / "log"))
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
 
-    with console.status("running the laws with pictures, some minutes"):
+    with console.status("running the controllers with pictures, some minutes"):
         results(ROOT / "docs")
     return 0
 
 
 def results(folder: Path) -> None:
-    """Run still and two laws on every scenario; write results.md and the strips of pictures."""
+    """Run `COMPARED` on every scenario; write results.md and the strips of pictures."""
     records, fast = [], []
     for name, law in product(PICTURED, COMPARED):
         with tempfile.TemporaryDirectory() as place:
@@ -123,7 +128,7 @@ def results(folder: Path) -> None:
 
 
 def parameters() -> str:
-    """Tabulate the defaults of an instrument with grade, meaning and source, as Markdown."""
+    """Return the defaults of an instrument with grade, meaning and source, as Markdown."""
     rows = []
     defaults = dataclasses.asdict(Instrument())
     for name, meaning in instrument_files.meanings().items():
@@ -133,7 +138,7 @@ def parameters() -> str:
 
 
 def pretensioned() -> str:
-    """Return the defaults of an instrument as its file."""
+    """Return the instrument file of the defaults."""
     header = (
         "The default: wires under tension. Written by ./run docs from twin/world/instrument.py."
     )
@@ -141,7 +146,7 @@ def pretensioned() -> str:
 
 
 def verified() -> str:
-    """Measure and tabulate what the twin is checked against, as Markdown."""
+    """Run all checks of the twin and return their table as Markdown."""
     rows = []
     for check in verification.CHECKS:
         figure = f"{check.measure():.3g} {check.unit}".strip()
@@ -150,7 +155,7 @@ def verified() -> str:
 
 
 def identified() -> str:
-    """Fit logs of our own instruments, and tabulate the truth beside what was found."""
+    """Fit logs of our own instruments; return true and identified parameters as Markdown."""
     rows = []
     for name in ("pretensioned", "slack"):
         with tempfile.TemporaryDirectory() as place:
@@ -179,7 +184,7 @@ def identified() -> str:
 
 
 def misfitted() -> str:
-    """Fit logs of two plants that know no wires, and tabulate what is left."""
+    """Fit logs of two plants without wires; return the residuals as Markdown."""
     rows = []
     t = np.arange(0.0, 130.0, 0.02)
     handle = 2.0 * (1 - np.abs((0.1 * t + 1) % 4 - 2))
@@ -197,7 +202,7 @@ def misfitted() -> str:
 
 
 def answered() -> None:
-    """Write the tables of docs/control.md, and its figures, anew."""
+    """Regenerate the tables and figures of docs/control.md."""
     page = ROOT / "docs" / "control.md"
     text = page.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as place:
@@ -205,8 +210,8 @@ def answered() -> None:
     folder = ROOT / "docs" / "thesis"
     folder.mkdir(exist_ok=True)
     for picture in chapter_figures.draw(runs, folder):
-        picture.with_suffix(".csv").unlink()  # the command writes them
-    text = _between(text, "calibration", law_calibration.table())
+        picture.with_suffix(".csv").unlink()  # written by the command only
+    text = _between(text, "calibration", controller_calibration.table())
     text = _between(text, "thesis", chapter_runs.markdown(statements.ask(runs)))
     folder = ROOT / "docs" / "control"
     folder.mkdir(exist_ok=True)
@@ -223,7 +228,7 @@ def schema() -> str:
 
 
 def _between(text: str, name: str, content: str) -> str:
-    """Replace what stands between the marks of that name and the next end mark."""
+    """Replace the text between the mark of that name and the next end mark."""
     start = f"<!-- {name} -->\n"
     before, rest = text.split(start, 1)
     return f"{before}{start}{content}{END}{rest.split(END, 1)[1]}"

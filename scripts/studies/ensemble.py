@@ -1,10 +1,11 @@
-"""Plants that the predictive law does not know: every parameter 30 % off, latency and camera too.
+"""An ensemble of plants that the predictive controller does not know.
 
-Each plant is drawn from a seed. Seeds 0 to 19 are for tuning; those that count, `SEEDS`, were fixed
-before any tuning and are used for nothing else.
+Each plant is drawn from a seed: parameters within 30 %, latency, angle of the camera. Seeds 0 to 19
+are for tuning; `SEEDS`, the seeds of the reported figures, were fixed before any tuning and have no
+other use.
 
-./run python -m endolock.scripts.studies.ensemble [LAW] prints the table of docs/predictive.md;
-minutes.
+`./run python -m endolock.scripts.studies.ensemble [CONTROLLER ...]` prints the table of
+docs/predictive.md; minutes.
 """
 
 from __future__ import annotations
@@ -35,23 +36,26 @@ VARIED = (
     "handle_kp",
     "handle_kv",
 )
-"""Parameters of the instrument that are drawn within 30 %; lengths can be measured with a ruler."""
-PART = 0.3
+"""Parameters of the instrument that vary; lengths are not among them, a ruler measures them."""
+VARIATION = 0.3
+"""Largest relative change of a parameter [1]."""
 LATENCY_S = (0.28, 0.52)
+"""Range of the latency [s]; the camera reports 0.4 s."""
 MISALIGNMENT_DEG = 8.0
+"""Largest angle between camera and wires [deg]."""
 SCENARIOS = ("straight", "circle")
 
 
 def plant(seed: int) -> tuple[str, ...]:
-    """Return the changes that make one plant; the camera believes in 0.4 s."""
+    """Return the changes of scenario and instrument that make one plant."""
     from endolock.twin.world.instrument import Instrument
 
     random = np.random.default_rng(seed)
-    usual = Instrument()
+    nominal = Instrument()
     changes = []
     for name in VARIED:
-        above = 0.0 if name == "damping_time_s" else PART  # the twin takes no more of that one
-        value = getattr(usual, name) * (1 + random.uniform(-PART, above))
+        above = 0.0 if name == "damping_time_s" else VARIATION  # the upper limit of the twin
+        value = getattr(nominal, name) * (1 + random.uniform(-VARIATION, above))
         changes.append(f"instrument.{name}={value:.9g}")
     turn = np.radians(MISALIGNMENT_DEG) * random.uniform(-1, 1)
     changes.append(f"instrument.misalignment_rad={turn:.9g}")
@@ -60,7 +64,7 @@ def plant(seed: int) -> tuple[str, ...]:
 
 
 def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
-    """Run a law on every plant, 100 s, scored from 50 s; return the runs by scenario."""
+    """Run a controller on every plant, 100 s, scored from 50 s; return the runs by scenario."""
     asked = [
         run.Request(
             scenario=name,
@@ -79,7 +83,7 @@ def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
 
 
 def table(laws: Sequence[str], seeds: Sequence[int] = SEEDS) -> str:
-    """Measure and lay out medians and worst of some laws."""
+    """Run some controllers; return their median and worst errors as Markdown."""
     rows = []
     for law in laws:
         cells = []

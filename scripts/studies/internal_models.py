@@ -1,10 +1,10 @@
-"""How well models of the transmission tell the bend while the lock runs: plays against the capstan.
+"""Accuracy of models of the transmission while the lock runs: plays against the capstan model.
 
-The lock is run, and what the handles did goes through each model; the model's bend is compared with
-the true one over the second half. A constant difference does no harm to a lock that uses the same
-model forwards and backwards, so it is left out; the rest is told in pixels of the picture.
+The lock is run, its handle angles are fed to each model, and the model's bend is compared with the
+true bend over the second half. A constant offset does no harm to a lock that uses one model
+forwards and backwards, so it is removed. Errors are given in pixels of the picture.
 
-./run python -m endolock.scripts.studies.internal_models prints the table of docs/predictive.md; a
+`./run python -m endolock.scripts.studies.internal_models` prints the table of docs/predictive.md; a
 minute.
 """
 
@@ -38,11 +38,11 @@ LAW = "predictive_bank"
 DURATION_S = 100.0
 SHAFT_RAD = pi  # as in these scenarios
 RESTS_RAD = 0.05
-"""An axis that moved by less rests, as far as a model of it goes [rad]: 3 deg."""
+"""An axis that moves less counts as at rest and is not fitted [rad]: 3 deg."""
 
 
 def table() -> str:
-    """Measure and lay out, as Markdown."""
+    """Run the lock and the models, and return the table as Markdown."""
     rows: dict[str, list[str]] = {}
     for name in SCENARIOS:
         log, own, pixels = _log(name)
@@ -55,18 +55,18 @@ def table() -> str:
 
 
 def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:
-    """Ways to tell the bends of a log, m x 2 [rad]."""
+    """Return functions that predict the bends of a log, m x 2 [rad], by name."""
     known = cable_of(Instrument(), SHAFT_RAD)
     return {
         "no hysteresis": lambda: _fitted_plays(log, (0.0,)),
         "best single play": lambda: min(
-            (_fitted_plays(log, (r,)) for r in RADII[:5]),  # wider ones hardly move
+            (_fitted_plays(log, (r,)) for r in RADII[:5]),  # wider plays hardly move
             key=lambda bend: float((bend - log.bend).var(axis=0).sum()),
         ),
-        "plays, best weights for all of it": lambda: _fitted_plays(log, RADII),
+        "plays, best weights for the whole run": lambda: _fitted_plays(log, RADII),
         "capstan, parameters known": lambda: _capstan(log, known),
         "capstan, fitted to the first half": lambda: _capstan(log, _fitted_cable(log)),
-        "what the lock believed at the time": lambda: own,
+        "model in use by the lock at the time": lambda: own,
     }
 
 
@@ -87,7 +87,7 @@ def _log(name: str) -> tuple[Log, Vector, float]:
     handle, bend = (np.array(ticks[key].to_pylist()) for key in ("position_rad", "bend_rad"))
     signals = [dict(row or ()) for row in ticks["signals"].to_pylist()]
     own = np.array([[row.get(f"bend_{axis}_rad", 0.0) for axis in AXES] for row in signals])
-    own = np.concatenate([own[1:], own[-1:]])  # signals are told with the command, a tick later
+    own = np.concatenate([own[1:], own[-1:]])  # signals are logged with the command, a tick later
     distance_m = set_up["scenario"]["board"]["distance_m"]
     pixels = set_up["calibration"]["focal_px"] * image_gain(SectionGeometry(), distance_m, 1.0)
     return Log(np.array(ticks["t"]), handle, bend), own, pixels
@@ -112,7 +112,7 @@ def _forward(plays: Plays, handle: Vector) -> Vector:
 
 
 def _fitted_cable(log: Log) -> Cable:
-    """Fit the axis that moved farther, over the first half; the other one is made alike."""
+    """Fit the axis that moves more, over the first half; the other axis uses the same cable."""
     half = len(log.t) // 2
     first = Log(log.t[:half], log.handle[:half], log.bend[:half])
     return fits.fit(first, Geometry()).cable

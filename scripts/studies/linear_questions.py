@@ -1,4 +1,4 @@
-"""What linear theory says of the loops, beside what the twin does."""
+"""Predictions of linear theory for the loops, compared with the twin."""
 
 from __future__ import annotations
 
@@ -30,33 +30,35 @@ if TYPE_CHECKING:
 
 STEP_RAD = 0.1
 OWN_WIDTH = 0.168
-"""Width of the twin's loop about the middle over 180 deg: `endolock hysteresis`, 10 deg of bend."""
+"""Width of the twin's loop near the centre over 180 deg: `endolock hysteresis`, 10 deg of bend."""
 FOCAL_PX = 262.0
 APPROACH_RAD = 0.9
-"""The handle comes so far the same way first: the wires slide when the step begins [rad]."""
+"""Handle motion in the same direction before the step, so that the wires already slide [rad]."""
 
 
 def process() -> Answer:
-    """Gain, lag and dead time from a step, and the margins of the linear laws with them."""
+    """Identify gain, lag and dead time from a step; compute the margins with them."""
     from endolock.control import analysis
 
-    t, error = answer_to_a_step()
+    t, error = step_response()
     found, misfit = analysis.identify_step(t, error, STEP_RAD)
     believed = Process(gain=image_gain(SectionGeometry(), 0.12), dead_s=0.4 + HOLD_S)
     rows = [
         [name, f"{one.gain:.2f}", f"{1e3 * one.lag_s:.0f} ms", f"{one.dead_s:.3f} s"]
-        for name, one in (("from the step", found), ("believed by the laws", believed))
+        for name, one in (("from the step", found), ("assumed by the controllers", believed))
     ]
     text = markdown_table(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
-    text += f"\nThe model misses the step's answer by {1e3 * misfit:.1f} mrad rms. The step has\n"
-    text += f"no hold of frames and ticks in it; believed are {HOLD_S:g} s of that.\n\n"
+    text += (
+        f"\nThe model fits the step response within {1e3 * misfit:.1f} mrad rms. That response\n"
+    )
+    text += f"has no hold of frames and ticks; the controllers assume {HOLD_S:g} s for it.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
     rows = []
     for name in registry.LAWS:
         if name == "repetitive" or not (
             response := analysis.response(registry.configure(name), loop)
         ):
-            continue  # has no linear part, or none without a period
+            continue  # no linear part, or none without a period
         m = analysis.margins(response, loop)
         rows.append([name, f"{m.gain:.1f}", f"{m.phase_deg:.0f} deg", f"{m.dead_s:.2f} s"])
     text += markdown_table(["law", "gain margin", "phase margin", "dead time margin"], rows)
@@ -72,10 +74,10 @@ def process() -> Answer:
     return Answer(text, draw)
 
 
-def answer_to_a_step() -> tuple[Vector, Vector]:
-    """Step a handle of the twin that is already moving up; return times [s] and errors [rad].
+def step_response() -> tuple[Vector, Vector]:
+    """Step a handle of the twin that already moves; return times [s] and errors [rad].
 
-    Frames of 100 Hz, for the answer is over within a few frames of 25 Hz.
+    Frames come at 100 Hz: the response ends within a few frames at 25 Hz.
     """
     quick = {"camera.frame_rate_hz": 100.0}
     with TwinRig(scenario.load("rest", quick), pictures=False) as rig:
@@ -96,16 +98,16 @@ def answer_to_a_step() -> tuple[Vector, Vector]:
     times, angles = np.array(t), np.array(error)
     before = angles[(times > -0.2) & (times <= 0.0)].mean()
     after = times > 0
-    # The step turns the tip by less than 0.15 rad: errors are small changes of a large angle.
+    # The step turns the tip by less than 0.15 rad: the error is a small change of a large angle.
     return times[after], angles[after] - before
 
 
 def limit_cycle() -> Answer:
-    """Over-compensation rings: describing functions against the twin."""
+    """Compare the ringing of over-compensation with its describing function."""
     from endolock.control import analysis
 
     loop = Process(gain=image_gain(SectionGeometry(), 0.12), dead_s=0.4 + HOLD_S)
-    kp, ki = simc(loop)  # with more, the target leaves the picture, where the law sees no error
+    kp, ki = simc(loop)  # larger gains move the target out of the picture: no error is seen there
     response = analysis.response(PISettings(kp=kp, ki=ki), loop)
     assert response is not None
     same = (f"law.kp={kp:.6g}", f"law.ki={ki:.6g}", f"motion=[{NUDGE}]")
@@ -133,7 +135,7 @@ def limit_cycle() -> Answer:
 
 
 def _compensated(width: float) -> Callable[[Vector], Vector]:
-    """From the law's output to the bend: compensation, slew of the handles, the own play."""
+    """Return the chain from output to bend: compensation, slew of the handles, play."""
     settings = CompensationSettings(form="sign", width=width)
     reach = Instrument().handle_speed_rad_s * PERIOD_S
 
@@ -149,17 +151,17 @@ def _compensated(width: float) -> Callable[[Vector], Vector]:
 
 
 def _pixels(found: LimitCycle, response: Response) -> float:
-    """Amplitude of the error of a limit cycle [px]: what the law answers with its output."""
+    """Amplitude of the error of a limit cycle [px], from that of the controller's output."""
     gain = abs(response(np.array([1j * found.omega_rad_s]))[0])
     return float(found.amplitude_rad / gain * FOCAL_PX)
 
 
 NUDGE = "{kind='jump', travel_m=0.01, start_s=2.0, over_s=0.5}"
-"""Something to begin with."""
+"""A small jump of the target that starts the oscillation."""
 
 
 def _frequency(t: Vector, error: Vector) -> float:
-    """Strongest frequency [Hz]; 0 where there is no oscillation."""
+    """Dominant frequency [Hz]; 0 without oscillation."""
     still = error - error.mean()
     if still.std() < 0.5:
         return 0.0

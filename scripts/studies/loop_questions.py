@@ -1,4 +1,4 @@
-"""Questions of the thesis about roughness, circles and latency: tables and figures, on the twin."""
+"""Open questions of the thesis about roughness, circles, latency and pushes, run on the twin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 
 
 def roughness() -> Answer:
-    """Is the roughness of inverse kinematics the skew between handle and picture?"""
+    """Is the delay between handle and picture the cause of the roughness of inverse kinematics?"""
     cases = {
         "ik, frames 0.4 s old": ("ik", 0.4, ()),
         "ik, faster (3.0/s)": ("ik", 0.4, ("law.rate_per_s=3.0",)),
@@ -56,7 +56,7 @@ def roughness() -> Answer:
 
 
 def circles() -> Answer:
-    """Why does compensation not help on circles, or does it?"""
+    """Does compensation help on circles, and if not, why?"""
     forms = ("sign", "smooth")
     cases = [(s, form, w) for s in ("straight", "circle") for form in forms for w in WIDTHS]
     asked = [
@@ -89,7 +89,7 @@ def circles() -> Answer:
 
 
 def latency() -> Answer:
-    """How much does latency alone cost?"""
+    """How much error is due to latency alone?"""
     latencies = (0.0, 0.1, 0.2, 0.4, 0.8)
     laws = ("pi_simc", "ik_sync")
     plants: dict[str, tuple[str, ...]] = {"as it is": (), "without friction": NO_FRICTION}
@@ -122,7 +122,7 @@ def _rms_and_tip(one: Done) -> str:
 
 
 def after_a_push() -> Answer:
-    """How likely and how large is the jump after a push, and what does a known tip pose change?"""
+    """How likely and how large is a jump after a push, and does a known tip pose help?"""
     laws: dict[str, tuple[str, tuple[str, ...]]] = {
         "PI": ("pi", ()),
         "PI + compensation (sign)": ("pi_hc", ()),
@@ -145,7 +145,7 @@ def after_a_push() -> Answer:
     jumps: dict[tuple[str, float], list[float]] = {}
     for (name, force, phase), one in zip(cases, done, strict=False):
         start = 17.2 + phase * 8.6
-        # From when the force has gone: what the law does, not the push itself.
+        # After the force has ended: the reaction of the controller, not the push itself.
         after = (one.t > start + 0.6) & (one.t < start + 4.0)
         jump = float(np.hypot(*(one.error - calm[name].error)[after].T).max())
         jumps.setdefault((name, force), []).append(jump)

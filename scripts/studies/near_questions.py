@@ -1,4 +1,4 @@
-"""Questions of the thesis about a target that is close: each a table and a figure, on the twin."""
+"""Open questions of the thesis about close targets, run on the twin."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
 
 
 def relative() -> Answer:
-    """Is hysteresis relatively larger at 1 to 2 cm?"""
+    """Is the relative effect of hysteresis larger at 1 to 2 cm?"""
     laws = ("pi_simc", "ik_sync")
     cases = [(d, law) for d in DISTANCES_M for law in laws]
     with_ = batch.all_of([near(d, law, *tuned(law, d)) for d, law in cases])
@@ -56,7 +56,7 @@ def relative() -> Answer:
 
 
 def integral() -> Answer:
-    """Does a close target need a weaker integral action?"""
+    """Does a close target require weaker integral action?"""
     shares = (0.15, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
     distances = (DISTANCES_M[0], DISTANCES_M[-1])
     best = {d: simc(_process(d)) for d in distances}
@@ -101,7 +101,7 @@ def integral() -> Answer:
 
 
 def aiming() -> Answer:
-    """Does inverse kinematics win close to the target?"""
+    """Is inverse kinematics better close to the target?"""
     laws = {
         "PI, tuned at 12 cm": ("pi_simc", 0.12),
         "PI, tuned here": ("pi_simc", None),
@@ -140,7 +140,7 @@ def aiming() -> Answer:
 
 
 def near(distance_m: float, law: str, *changes: str) -> run.Request:
-    """Ask for strokes that look as large at any distance, as 40 mm at 12 cm."""
+    """Return the request for strokes of constant image size: 40 mm at 12 cm."""
     motion = f"{{kind='strokes', travel_m={_travel(distance_m):.5g}, period_s=8.6}}"
     return request(
         "straight", law, f"board.distance_m={distance_m:g}", f"motion=[{motion}]", *changes
@@ -148,12 +148,12 @@ def near(distance_m: float, law: str, *changes: str) -> run.Request:
 
 
 def tuned(law: str, distance_m: float) -> tuple[str, ...]:
-    """Tell a law the distance."""
+    """Return the changes that tune a controller for a distance."""
     return (f"law.target_distance_m={distance_m:g}",)
 
 
 def _tips(runs: Sequence[Done]) -> str:
-    """Motion of the tip, needed and in runs on the same path, from peak to peak."""
+    """Peak-to-peak motion of the tip, needed and in runs on the same path."""
     angles = (runs[0].needed_deg, *(one.tip_deg for one in runs))
     return ", ".join(f"{angle:.1f}" for angle in angles) + " deg"
 

@@ -1,7 +1,7 @@
-"""The open questions of the thesis, answered on the twin: docs/control.md's tables and figures.
+"""The open questions of the thesis, answered on the twin: tables and figures of docs/control.md.
 
-./run python -m endolock.scripts.studies.questions NAME measures one again, prints its table and
-draws its figure into the present folder.
+`./run python -m endolock.scripts.studies.questions NAME` answers one, prints its table and draws
+its figure into the current folder.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from endolock.scripts.commands import run
 
 NO_FRICTION = ("no_hysteresis",)
 DURATION_S, SCORED_FROM_S = 45.0, 17.2
-"""Two whole strokes to settle, then more than three."""
+"""Two complete strokes to settle, then more than three that are scored [s]."""
 
 
 class Answer(NamedTuple):
-    """What was found."""
+    """The answer to one question."""
 
     table: str
     """Markdown."""
     draw: Callable[[Any], None]
-    """Into one panel of matplotlib."""
+    """Draws the figure into one Matplotlib panel."""
 
 
-def request(scenario: str, law: str, *changes: str) -> run.Request:
-    """Ask for one run of a question."""
+def request(scenario: str, controller: str, *changes: str) -> run.Request:
+    """Return the request for one run."""
     return run.Request(
         scenario=scenario,
-        controller=law,
+        controller=controller,
         vision="truth",
         vary=changes,
         duration_s=DURATION_S,
@@ -43,8 +43,8 @@ def request(scenario: str, law: str, *changes: str) -> run.Request:
 
 
 def questions() -> dict[str, Callable[[], Answer]]:
-    """All questions by name."""
-    from endolock.scripts.studies import (  # they need this
+    """Return all questions by name."""
+    from endolock.scripts.studies import (  # they import this module
         linear_questions,
         loop_questions,
         near_questions,
@@ -64,7 +64,7 @@ def questions() -> dict[str, Callable[[], Answer]]:
 
 
 def save(answer: Answer, path: Path) -> None:
-    """Draw the figure of an answer."""
+    """Draw the figure of an answer to a PNG."""
     from matplotlib.figure import Figure  # half a second to load
 
     figure = Figure(figsize=(7, 4.0), layout="constrained")
@@ -79,7 +79,7 @@ def save(answer: Answer, path: Path) -> None:
 
 
 def main(args: list[str]) -> int:
-    """Answer one question."""
+    """Answer the question named in `args`."""
     known = questions()
     if len(args) != 1 or args[0] not in known:
         raise ConfigError(f"name one question: {', '.join(known)}")

@@ -1,7 +1,7 @@
 """Seeded picture sequences with known truth, for the tests and the benchmark of vision.
 
-Sources of the kinds: the two paths of the thesis; its camera wobbles, blurs and is compressed; what
-passes or parks in front of a target is assumed.
+Source: the two paths, and a camera that wobbles, blurs and compresses, are the thesis'; the
+occluders that pass or stop in front of the target are assumed.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from endolock.twin.world import scenario as scenarios
 RATE_HZ = 25.0
 DISTANCE_M = 0.12
 HALF_PX = 20
-"""Half side of the tracked window, by which hiding is counted [px]."""
+"""Half the side of the tracked window [px]; the hidden share refers to this window."""
 PATHS = ("line", "circle")
 HARD: dict[str, Any] = {"camera.noise": 6.0, "camera.jpeg_quality": 50}
 PLATE_M = (0.06, 0.05)
 PLATE_DISTANCE_M = 0.09
 MEETING_S = 4.0
-"""When the middle of an occluder is in front of the target [s]."""
+"""Time at which the centre of an occluder is in front of the target [s]."""
 
 
 class LabelledPicture(NamedTuple):
-    """One picture of a sequence and what is true of it."""
+    """One picture of a sequence with its ground truth."""
 
     grey: Image
     target_px: tuple[float, float]
@@ -54,7 +54,7 @@ OCCLUSIONS = tuple(
         ("rings", "tissue"), ("plain", "tissue", "decoy"), ("passing", "parking"), range(3)
     )
 )
-"""Two targets behind plates that are plain, of the wall's texture, or carry a decoy."""
+"""Two targets, behind plates that are plain, have the background's texture, or carry a decoy."""
 
 
 def moving(
@@ -64,7 +64,7 @@ def moving(
 
     Args:
         path: one of `PATHS`.
-        frames: how many.
+        frames: number of pictures.
         hard: with a tip that wobbles by 8 px rms from frame to frame, motion blur, noise of 6 grey
             levels, JPEG at quality 50, gain between 0.5 and 1, and a size that changes by +-17 %.
         board: kind of board.
@@ -95,7 +95,7 @@ def moving(
 
 
 def occluded(kind: Occlusion, frames: int = 200) -> Iterator[LabelledPicture]:
-    """Yield the pictures of one sequence of the occlusion set: speed, way and phase are drawn."""
+    """Yield the pictures of one sequence of the occlusion set; the seed sets the motion."""
     words = [int.from_bytes(word.encode(), "little") for word in kind[:3]]
     random = np.random.default_rng([kind.seed, *words])
     speed, angle, phase = random.uniform(0.01, 0.12), *random.uniform(0, tau, 2)
@@ -103,17 +103,17 @@ def occluded(kind: Occlusion, frames: int = 200) -> Iterator[LabelledPicture]:
     def board(t: float) -> tuple[float, float]:
         return 0.02 * sin(tau * t / 8.6 + phase), 0.015 * sin(tau * t / 6.1)
 
-    way = speed * np.array([cos(angle), sin(angle)])
+    velocity = speed * np.array([cos(angle), sin(angle)])
     met = np.array(board(MEETING_S)) * PLATE_DISTANCE_M / DISTANCE_M
     start_s = 0.2
     over_s = (MEETING_S - start_s) * (1 if kind.style == "parking" else 2)
-    first = met - way * (MEETING_S - start_s)
+    first = met - velocity * (MEETING_S - start_s)
     plate = {
         "look": kind.look,
         "size_m": PLATE_M,
         "distance_m": PLATE_DISTANCE_M,
         "position_m": tuple(first),
-        "to_m": tuple(first + way * over_s),
+        "to_m": tuple(first + velocity * over_s),
         "start_s": start_s,
         "over_s": over_s,
     }

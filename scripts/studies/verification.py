@@ -1,7 +1,7 @@
-"""What the twin has been checked against: every check with its bound, its reason and its figure.
+"""All checks of the twin: what is compared, the figure, its bounds and their reason.
 
-The tests hold each figure within its bounds; `./run docs` writes them into the model card, and
-./run python -m endolock.scripts.studies.verification prints them.
+The tests require each figure to be within its bounds; `./run docs` writes them into the model card,
+and `./run python -m endolock.scripts.studies.verification` prints them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CHECKS = (*closed_form_checks.CHECKS, *behaviour_checks.CHECKS)
 def main(_args: list[str]) -> int:
     """Print all figures; return 0 if each is within its bounds."""
     console = Console()
-    table = Table(title="the twin against what is known exactly")
+    table = Table(title="checks of the twin")
     for heading in ("what", "against", "figure", "bounds"):
         table.add_column(heading, justify="right" if heading == "figure" else "left")
     good = True
@@ -38,7 +38,7 @@ def main(_args: list[str]) -> int:
 
 
 def bounds(check: Check) -> str:
-    """Say the bounds of a check."""
+    """Return the bounds of a check as text."""
     if check.low == -inf:
         return f"at most {check.high:g}"
     return f"{check.low:g} to {check.high:g}" if check.high < inf else f"at least {check.low:g}"

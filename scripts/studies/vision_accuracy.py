@@ -1,7 +1,4 @@
-"""How well vision measures, against exact projections: the figures of docs/vision.md.
-
-./run python -m endolock.scripts.studies.vision_accuracy prints its tables.
-"""
+"""Accuracy of vision against exact projections: the figures of docs/vision.md."""
 
 from __future__ import annotations
 
@@ -25,8 +22,8 @@ from endolock.vision.triple_check import TripleCheck
 
 DISTANCES_M = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.16)
 POSES = 40
-"""Drawn for each distance and condition: +-15 % of the distance aside, +-25 deg of tilt, +-20 of
-roll."""
+"""Poses per distance and condition, random within +-15 % of the distance sideways, +-25 deg of
+tilt and +-20 deg of roll."""
 OPTICS: dict[str, dict[str, Any]] = {
     "pinhole, f = 262 px": {},
     "fisheye 120 deg": {"camera.projection": "equidistant", "camera.mask": "octagon"},
@@ -37,7 +34,7 @@ OPTICS: dict[str, dict[str, Any]] = {
     },
 }
 CONDITIONS: dict[str, tuple[dict[str, Any], float | None, float]] = {
-    "as it is": ({}, None, 0.0),
+    "nominal": ({}, None, 0.0),
     "tilt 45 deg": ({}, 45.0, 0.0),
     "tilt 60 deg": ({}, 60.0, 0.0),
     "tilt 75 deg": ({}, 75.0, 0.0),
@@ -55,7 +52,7 @@ CONDITIONS: dict[str, tuple[dict[str, Any], float | None, float]] = {
     "a third hidden": ({}, None, 0.0),
     "two thirds hidden": ({}, None, 0.0),
 }
-"""Overrides of the scenario, tilt where it is not drawn [deg], and length of the blur [px]."""
+"""Overrides of the scenario, tilt if it is not random [deg], and length of the blur [px]."""
 HIDDEN = {"a third hidden": 1 / 3, "two thirds hidden": 2 / 3}
 WINDOWS = (12, 16, 20, 24, 30, 40)
 FRAMES = 300
@@ -63,7 +60,7 @@ WRONG_PX = 3.0
 
 
 class MarkerAccuracy(NamedTuple):
-    """What markers measured in one series of pictures."""
+    """Accuracy of markers in one series of pictures."""
 
     found: float
     pixel_rms: float
@@ -74,7 +71,7 @@ class MarkerAccuracy(NamedTuple):
 
 
 class TrackerAccuracy(NamedTuple):
-    """What the tracker made of one sequence."""
+    """Accuracy of the tracker in one sequence."""
 
     accepted: int
     refused: int
@@ -84,7 +81,7 @@ class TrackerAccuracy(NamedTuple):
 
 
 class OcclusionResult(NamedTuple):
-    """What the tracker made of the occlusion set."""
+    """Result of the tracker on the occlusion set."""
 
     hidden: int
     """Frames with more than 60 % of the window hidden."""
@@ -94,7 +91,7 @@ class OcclusionResult(NamedTuple):
     """Accepted frames off by more than `WRONG_PX`."""
     worst_px: float
     latest: int
-    """Most frames that the target was in plain sight before it was accepted."""
+    """Most frames with the target in sight before it was accepted again."""
 
 
 def markers(
@@ -106,7 +103,7 @@ def markers(
     hidden: float = 0.0,
     poses: int = POSES,
 ) -> MarkerAccuracy:
-    """Measure the board at drawn poses; the draw is the same for every condition."""
+    """Measure the board at random poses, the same for every condition."""
     random = np.random.default_rng(11)
     if hidden:
         overrides = {**overrides, "occluder": [_plate(distance_m, hidden)]}
@@ -155,7 +152,7 @@ def follow(sights: Iterator[sequences.LabelledPicture], half: int) -> TrackerAcc
 
 
 def hide(kinds: Sequence[sequences.Occlusion]) -> OcclusionResult:
-    """Let the tracker follow targets that are hidden for a while."""
+    """Run the tracker on targets that are temporarily hidden."""
     hidden = accepted_hidden = accepted = wrong = latest = 0
     worst = 0.0
     for kind in kinds:
@@ -180,24 +177,24 @@ def hide(kinds: Sequence[sequences.Occlusion]) -> OcclusionResult:
 
 
 def _plate(distance_m: float, share: float) -> dict[str, Any]:
-    """Cover the board from the right, up to a share of its width."""
+    """Return an occluder that covers the board from the right, up to a share of its width."""
     depth = 0.9 * distance_m
     edge = (0.05 - 0.10 * share) * 0.9
-    place = (edge + 0.2, 0.0)
+    position = (edge + 0.2, 0.0)
     return {
         "size_m": (0.4, 0.4),
         "distance_m": depth,
-        "position_m": place,
-        "to_m": place,
+        "position_m": position,
+        "to_m": position,
         "start_s": 0.0,
         "over_s": 1.0,
     }
 
 
 def triple(kinds: Sequence[sequences.Occlusion]) -> tuple[list[float], list[float]]:
-    """Give the triple check alone to judge a follower that only looks from frame to frame.
+    """Apply the triple check alone to a follower that only compares consecutive frames.
 
-    Such a follower takes whatever moves in its window for the target, and so ends up on the
+    Such a follower takes everything that moves in its window for the target, and ends on the
     occluder.
 
     Returns:

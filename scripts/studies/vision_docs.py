@@ -1,4 +1,4 @@
-"""The tables and the figure of docs/vision.md, measured anew."""
+"""The tables and the figure of docs/vision.md."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from endolock.twin.world import scenario as scenarios
 from endolock.vision.triple_check import LIMIT_PX
 
 PARTS: dict[str, dict[str, Any]] = {
-    "nothing but the pinhole": {},
+    "pinhole only": {},
     "fisheye 120 deg, octagon": {"camera.projection": "equidistant", "camera.mask": "octagon"},
     "fisheye 140 deg, octagon": {
         "camera.projection": "equidistant",
@@ -40,11 +40,11 @@ PARTS: dict[str, dict[str, Any]] = {
         "camera.repeat_fraction": 0.05,
     },
 }
-"""What can be switched on in a scenario."""
+"""Optics that a scenario can switch on, as overrides."""
 
 
 class VisionMeasurements:
-    """All measurements, taken once: tables and figure show the same."""
+    """All measurements, taken once for tables and figure."""
 
     def __init__(self) -> None:
         self.distances = {
@@ -77,7 +77,7 @@ class VisionMeasurements:
         }
 
     def tables(self) -> dict[str, str]:
-        """Return each table as Markdown, by the name of its place in docs/vision.md."""
+        """Return each table as Markdown, by the name of its mark in docs/vision.md."""
         return {
             "distance": self._distance(),
             "condition": self._condition(),
@@ -127,7 +127,7 @@ class VisionMeasurements:
             ["frames accepted in all", f"{h.accepted}"],
             [f"of these off by more than {vision_accuracy.WRONG_PX:.0f} px", f"{h.wrong}"],
             ["largest error of an accepted frame", f"{h.worst_px:.2f} px"],
-            ["most frames in plain sight before the target was accepted again", f"{h.latest}"],
+            ["most frames with the target in sight before it was accepted again", f"{h.latest}"],
             [
                 f"wrong frames that the triple check alone, at {LIMIT_PX:g} px, lets pass",
                 f"{100 * np.mean(np.array(self.wrong) <= LIMIT_PX):.0f} %",
@@ -140,21 +140,21 @@ class VisionMeasurements:
         rows = []
         for (true, jitter), found in self.latencies.items():
             low, high = found["ci95_s"]
-            told = [f"{true:.2f} s", f"+-{1e3 * jitter:.0f} ms", f"{found['latency_s']:.4f} s"]
-            told += [f"{low:.4f} to {high:.4f} s", f"{1e3 * (found['latency_s'] - true):+.1f} ms"]
-            rows.append([*told, f"{1e3 * found['jitter_s']:.1f} ms"])
+            cells = [f"{true:.2f} s", f"+-{1e3 * jitter:.0f} ms", f"{found['latency_s']:.4f} s"]
+            cells += [f"{low:.4f} to {high:.4f} s", f"{1e3 * (found['latency_s'] - true):+.1f} ms"]
+            rows.append([*cells, f"{1e3 * found['jitter_s']:.1f} ms"])
         head = [
             "latency",
             "jitter",
             "measured",
-            "95 % of the noise",
+            "95 % interval",
             "error",
             "jitter (std)",
         ]
         return markdown_table(head, rows)
 
     def draw(self, path: Path) -> None:
-        """Draw pixel and depth error over distance, the tracker's windows, and the ROC."""
+        """Draw the errors over distance and over the tracker's window, and the ROC."""
         figure = Figure(figsize=(11, 7.2), layout="constrained", dpi=110)
         (pixel, depth), (windows, roc) = figure.subplots(2, 2)
         millimetres = 1e3 * np.array(vision_accuracy.DISTANCES_M)
@@ -184,8 +184,8 @@ class VisionMeasurements:
                 for half in vision_accuracy.WINDOWS
             ]
             label = f"{board}, {'hard' if hard else 'clean'}"
-            place = np.arange(len(rms)) + 0.2 * (n - 1.5)
-            windows.bar(place, rms, 0.2, color=colour, label=label)
+            position = np.arange(len(rms)) + 0.2 * (n - 1.5)
+            windows.bar(position, rms, 0.2, color=colour, label=label)
         windows.axhline(0.15, color="0.6", lw=1, ls="--")
         windows.axhline(0.05, color="0.6", lw=1, ls=":")
         names = [f"{2 * half + 1}" for half in vision_accuracy.WINDOWS]
@@ -212,9 +212,9 @@ class VisionMeasurements:
 
 
 def costs() -> str:
-    """Time a simulated second of each part of the optics, as Markdown; this machine's, so printed.
+    """Return the wall time of each part of the optics on this machine, as Markdown.
 
-    ./run python -m endolock.scripts.studies.vision_docs
+    `./run python -m endolock.scripts.studies.vision_docs` prints it.
     """
     taken: dict[str, list[float]] = {name: [] for name in PARTS}
     for _ in range(3):
@@ -223,9 +223,9 @@ def costs() -> str:
                 rig.clock.sleep_until(0.2)
                 start = time.perf_counter()
                 rig.clock.sleep_until(1.2)
-                rig.close()  # when all pictures are developed
+                rig.close()  # waits for the pictures in work
                 taken[name].append(time.perf_counter() - start)
-    base = min(taken["nothing but the pinhole"])
+    base = min(taken["pinhole only"])
     rows = [[name, f"{1e3 * min(t) / 25:.1f}", f"{min(t) / base:.2f}"] for name, t in taken.items()]
     return markdown_table(["switched on", "ms a frame, physics included", "to the pinhole"], rows)
 
@@ -242,11 +242,11 @@ def _marked(m: vision_accuracy.MarkerAccuracy) -> list[str]:
 
 
 def write(folder: Path, between: Callable[[str, str, str], str]) -> None:
-    """Write docs/vision.md's tables and docs/vision.png anew.
+    """Regenerate the tables of docs/vision.md, and docs/vision.png.
 
     Args:
         folder: docs/.
-        between: replaces what stands between two marks of a text.
+        between: replaces the text between two marks.
     """
     measured = VisionMeasurements()
     page = folder / "vision.md"

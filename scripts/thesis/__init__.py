@@ -1,1 +1,1 @@
-"""Chapter 6 of the thesis again: runs, measures, statements and figures."""
+"""The runs, measures, statements and figures of the thesis' chapter 6, repeated."""

@@ -1,4 +1,4 @@
-"""Figures 6.4 to 6.8 of the thesis, drawn again from runs, with the excerpt's bounds as bands."""
+"""Figures 6.4 to 6.8 of the thesis from our runs, with the excerpt's bounds as bands."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ TITLES = {"a": "(a) our simulation", "b": "(b) our twin"}
 
 
 def draw(runs: Mapping[str, Mapping[str, Trace]], folder: Path) -> list[Path]:
-    """Draw all figures, and write what is in each beside it as CSV.
+    """Draw all figures, and write the data of each to a CSV file beside it.
 
     Args:
         runs: traces by column and name.
-        folder: where to.
+        folder: where to write.
 
     Returns:
-        The pictures.
+        The paths of the pictures.
     """
     bands = {"6.4": {"a": (180, 200), "b": (200, 250)}, "6.6": {"a": (0, 150), "b": (0, 180)}}
     pair = {"6.4": ("straight", ("pi", "pi_hc")), "6.6": ("straight", ("ik", "pi_hc"))}
@@ -108,7 +108,7 @@ def _save(figure: Any, panels: Any, path: Path, also: list[Any] | None = None) -
 def _csv(
     path: Path, runs: Mapping[str, Mapping[str, Trace]], wanted: list[tuple[str, str]]
 ) -> None:
-    """Write time, offsets, handles and compensation of the runs of a figure, frame by frame."""
+    """Write time, offsets, handle angles and compensation of the runs of a figure, per frame."""
     head = "column,law,t_s,x_px,y_px,up_down_deg,left_right_deg,"
     lines = [head + "compensation_up_down_deg,compensation_left_right_deg"]
     for column, traces in runs.items():

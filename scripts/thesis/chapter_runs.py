@@ -1,13 +1,14 @@
-"""`endolock compare --thesis`: the excerpt's chapter 6 again, and what it says, checked.
+"""The runs of the excerpt's chapter 6, repeated for `endolock compare --thesis`.
 
-Column a, our simulation, is wires that rub without inertia and exact kinematics: a loop whose width
-depends on both bends, with friction as eq. 3.29. Column b, our twin, stands for the set-up. Both
-are the instrument `thesis`, lying straight; the camera is 720x576 px, runs take 25 s (circle 20 s)
-and are scored from the start, by what vision saw.
+Column a, our simulation, has wires with friction and without inertia, and exact kinematics: a loop
+whose width depends on both bends, with friction as in eq. 3.29. Column b, our twin, stands for the
+set-up. Both use the instrument `thesis` with a straight shaft; the camera has 720x576 px; runs take
+25 s (circle 20 s) and are scored from the start, on what vision saw.
 
-Calibrated were kp and ki on T1 and T2, and the rate of inverse kinematics on T4 in column b, see
-scripts/thesis/law_calibration.py; the width of compensation is the excerpt's own 0.2. All else is a
-prediction. What a parameter was turned for, to provoke an effect, is marked so and proves nothing.
+kp and ki were calibrated on T1 and T2, and the rate of inverse kinematics on T4 in column b, see
+scripts/thesis/controller_calibration.py; the width of compensation is the excerpt's own 0.2.
+Everything else is a prediction. A parameter that was changed to provoke an effect is marked as
+such, and proves nothing.
 
 Reference:
     S. D. Frijnts, Design of a target lock for an endoscope using TeleFLEX, University of Twente,
@@ -35,17 +36,17 @@ INSTRUMENT = "thesis"
 SET_UP = ("camera.width=720", "camera.height=576", "shaft_bend_deg=0")
 """Camera assumed: PAL, f = 314 px at 85 deg."""
 IK_RATE = "law.rate_per_s=3.5"
-"""Calibrated on T4 in column b alone: of 1, 1.5, ... the slowest with which it holds. It leaves a
-gain margin of about 1, so this is no rate for other runs."""
+"""Calibrated on T4 in column b alone: the slowest of 1, 1.5, ... for which T4 holds. Its gain
+margin is about 1: unsuitable for other runs."""
 LAWS = ("still", "pi", "pi_hc", "ik")
 CHANGED = {"ik": (IK_RATE,)}
-"""What these runs change of a law."""
+"""Settings that these runs change, by controller."""
 COLUMNS = {"a": "quasi_static", "b": "twin"}
 DURATION_S = {"straight": 25.0, "circle": 20.0}
 FRICTIONLESS = ("instrument.conduit_friction=0", "instrument.section_friction=0")
 LATENCY_S = 0.4
 LATENCIES_S = (0.0, 0.2)
-"""Tried besides `LATENCY_S` [s]."""
+"""Other latencies that are run [s]."""
 EXTRA: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "over": ("straight", "pi_hc", ("law.width=0.3",)),
     "free": ("straight", "pi", FRICTIONLESS),
@@ -56,81 +57,82 @@ EXTRA: dict[str, tuple[str, str, tuple[str, ...]]] = {
         for latency in LATENCIES_S
     },
 }
-"""A width half as much again, no friction, distance known, less latency."""
+"""A width 1.5 times as large, no friction, a known distance, less latency; by name: scenario,
+controller, changes."""
 STROKE_S = 4.3
-"""From one turn of the target to the next [s]."""
+"""Time between two reversals of the target [s]."""
 
 
 class Trace(NamedTuple):
-    """One run, as the plots of the thesis show it."""
+    """Time series of one run, as in the plots of the thesis."""
 
     t: Vector
-    """When frames came [s]."""
+    """Delivery times of the frames [s]."""
     error: Vector
-    """Offset of the target in them, n x 2, right and down [px]."""
+    """Offset of the target in these frames, n x 2, right and down [px]."""
     handle_t: Vector
-    """Of the ticks [s]."""
+    """Times of the control ticks [s]."""
     handle: Vector
     """Measured handle angles, m x 2 (up_down, left_right) [deg]."""
     compensation: Vector
-    """m x 2 [deg]; 0 without."""
+    """Compensation added to the handle angles, m x 2 [deg]; 0 if there is none."""
     bend: Vector
     """True bends of the tip, m x 2 [deg]."""
     blur_px: float
-    """Mean motion of the target's picture within an exposure, of the whole run [px]."""
+    """Mean image motion of the target within an exposure, over the whole run [px]."""
 
     @property
     def total(self) -> Vector:
-        """Distance from the centre [px]."""
+        """Distance of the target from the image centre [px]."""
         distance: Vector = np.hypot(*self.error.T)
         return distance
 
     def breaks(self) -> Vector:
-        """Second differences of the distance, frame by frame [px]: where its course breaks."""
+        """Second differences of the distance between frames [px]: large at discontinuities."""
         return np.diff(self.total, 2)
 
     def tip_deg(self, start_s: float = 0.0) -> float:
-        """Motion of the tip from peak to peak, of the axis that moved farther [deg]."""
+        """Peak-to-peak motion of the tip on the axis that moves more [deg]."""
         return float(np.ptp(self.bend[self.handle_t >= start_s], axis=0).max())
 
     def strokes(self) -> Vector:
-        """Largest error of each whole stroke, as delayed [px]; NaN where nothing was seen."""
+        """Largest delayed error of each complete stroke [px]; NaN if the target was never seen."""
         ends = np.arange(LATENCY_S, self.handle_t[-1] - STROKE_S, STROKE_S)
         parts = [(self.t >= a) & (self.t < a + STROKE_S) for a in ends]
         return np.array([self.total[part].max() if part.any() else np.nan for part in parts])
 
     def turns(self, axis: int, least_deg: float = 5.0) -> list[tuple[float, float, float]]:
-        """Moves of a handle from turn to turn: from and to when, and how far [s, s, deg]."""
+        """Motions of a handle between reversals: start, end and distance [s, s, deg]."""
         h = self.handle[:, axis]
-        places = [0]
-        way = 0.0
+        indices = [0]
+        direction = 0.0
         for n in range(1, len(h)):
-            last = places[-1]
-            if way == 0.0 or (h[n] - h[last]) * way < -least_deg:
+            last = indices[-1]
+            if direction == 0.0 or (h[n] - h[last]) * direction < -least_deg:
                 if abs(h[n] - h[last]) > least_deg:
-                    way = float(np.sign(h[n] - h[last]))
-                    places.append(n)
-            elif (h[n] - h[last]) * way > 0:
-                places[-1] = n
+                    direction = float(np.sign(h[n] - h[last]))
+                    indices.append(n)
+            elif (h[n] - h[last]) * direction > 0:
+                indices[-1] = n
         return [
             (float(self.handle_t[a]), float(self.handle_t[b]), float(abs(h[b] - h[a])))
-            for a, b in pairwise(places)
+            for a, b in pairwise(indices)
         ]
 
 
 Runs = dict[str, dict[str, Trace]]
-"""By column, and by scenario-law or the name of an extra run."""
+"""Traces by column and by SCENARIO-CONTROLLER or the name of an extra run."""
 
 
 def perform(folder: Path, vision: str) -> tuple[list[dict[str, Any]], Runs]:
     """Carry out all runs.
 
     Args:
-        folder: holds a run folder for each, new or empty.
-        vision: eyes of column b.
+        folder: where the run folders are written; new or empty.
+        vision: kind of vision for column b.
 
     Returns:
-        The run records, up to a Ctrl-C, and the traces.
+        The run records, complete or up to an interruption, and the traces.
     """
     records, runs = [], Runs()
     listed = list(requests(folder, vision))
@@ -144,7 +146,7 @@ def perform(folder: Path, vision: str) -> tuple[list[dict[str, Any]], Runs]:
 
 
 def requests(folder: Path, vision: str) -> Iterator[tuple[str, str, run.Request]]:
-    """List column, name and request of all runs."""
+    """Yield column, name and request of every run."""
     for column in COLUMNS:
         plain = {f"{s}-{law}": (s, law, ()) for s in DURATION_S for law in LAWS}
         for name, (scenario, law, changes) in {**plain, **EXTRA}.items():
@@ -155,28 +157,28 @@ def requests(folder: Path, vision: str) -> Iterator[tuple[str, str, run.Request]
 def request(
     column: str,
     scenario: str,
-    law: str,
+    controller: str,
     changes: Iterable[str] = (),
     vision: str = "truth",
     out: Path | None = None,
 ) -> run.Request:
-    """Ask for one run of the thesis' set-up.
+    """Return the request for one run of the thesis' set-up.
 
     Args:
         column: one of `COLUMNS`.
         scenario: one of `DURATION_S`.
-        law: its name.
-        changes: to scenario, instrument and law; they come last.
-        vision: eyes of column b.
-        out: run folder.
+        controller: its name.
+        changes: to scenario, instrument and controller; they come last.
+        vision: kind of vision for column b.
+        out: run folder to write.
     """
     return run.Request(
         scenario=scenario,
-        controller=law,
+        controller=controller,
         rig=COLUMNS[column],
         vision="truth" if column == "a" else vision,
         instrument=INSTRUMENT,
-        vary=(*SET_UP, *CHANGED.get(law, ()), *changes),
+        vary=(*SET_UP, *CHANGED.get(controller, ()), *changes),
         duration_s=DURATION_S[scenario],
         scored_from_s=0.0,
         force=True,
@@ -185,7 +187,7 @@ def request(
 
 
 def trace(folder: Path) -> Trace:
-    """Read what the plots need from a run folder."""
+    """Read the trace of a run folder."""
     frames, ticks = run_folder.read(folder, "frames"), run_folder.read(folder, "ticks")
     centre = run_folder.configuration(folder)["calibration"]["centre_px"]
     seen = np.array(frames["status"]) == "tracking"
@@ -204,7 +206,7 @@ def trace(folder: Path) -> Trace:
 
 
 def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
-    """Lay the statements out for people, those that do not hold first."""
+    """Format the answered statements for a terminal, those that do not hold first."""
     yield "[bold]The excerpt's statements[/]; a: our simulation, b: our twin; --: not stated"
     said = {None: "[dim]--[/]", True: "[green]yes[/]", False: "[red]NO[/]"}
     names = sorted(
@@ -230,7 +232,7 @@ def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """Lay the statements out for docs/control.md, those that do not hold first."""
+    """Format the answered statements for docs/control.md, those that do not hold first."""
     head = ["", "", "statement", "expected", "got", "holds", "basis"]
     said = {None: "not stated", True: "yes", False: "**no**"}
     ordered = sorted(rows, key=lambda row: (row["ok"] is not False, row["ok"] is None))

@@ -1,8 +1,8 @@
-"""The statements of the excerpt, each as a question to runs (see `thesis`).
+"""The statements of the excerpt, each as a test on runs (see `chapter_runs`).
 
-What is not stated for a column has no expectation. Bounds are read off the axis limits of the
-excerpt's plots; where it says "around", "slightly" or "comparable", the tolerance is assumed and
-stands in the expectation.
+A statement that the excerpt does not make for a column has no expectation there. Bounds are read
+off the axis limits of the excerpt's plots; where it says "around", "slightly" or "comparable", the
+tolerance is assumed and part of the expectation.
 """
 
 from __future__ import annotations
@@ -32,31 +32,32 @@ from endolock.scripts.thesis.measures import (
 
 PEAK_PX = {"a": (180, 200), "b": (200, 250)}
 GAIN_PX = (55, 75)
-"""T1: bounds of the peak of PI, the lower one left out. T2: "around 65", assumed to mean +- 10."""
+"""T1: bounds of the peak of PI, the lower one excluded. T2: "around 65", assumed to mean +- 10."""
 VISIBLE_PX, SMALL_PX = 2.0, 25.0
-"""T5: smaller breaks of a course cannot be seen in the excerpt's plots, larger ones are not small:
-1 and 10 % of their height [px]. Assumed."""
+"""T5: limits below which a discontinuity is invisible in the excerpt's plots, and above which it is
+not small: 1 and 10 % of their height [px]. Assumed."""
 PEAKS_DIFFER_PX = 10.0
-"""T6, T9: peaks that differ by less are alike. Assumed: 5 % of the plots' height."""
+"""T6, T9: peaks that differ by less count as equal [px]. Assumed: 5 % of the plots' height."""
 Traces = Mapping[str, Trace]
 
 
 class Verdict(NamedTuple):
-    """What one statement comes to in one column."""
+    """Result of one statement in one column."""
 
     expected: str | None
-    """In words; None where the excerpt does not say."""
+    """In words; None where the excerpt makes no statement."""
     got: str
     ok: bool
 
 
 Question = Callable[[Traces, str], Verdict]
 QUESTIONS: dict[str, tuple[Question, str, Mapping[str, str]]] = {}
-"""Each with the columns that the excerpt speaks of, and its basis in each column."""
+"""By id: the test, the columns for which the excerpt makes the statement, and its basis in each
+column."""
 
 
 def ask(runs: Mapping[str, Traces]) -> list[dict[str, Any]]:
-    """Verdict all statements in both columns.
+    """Test all statements in both columns.
 
     Args:
         runs: traces by column and name.
@@ -64,16 +65,16 @@ def ask(runs: Mapping[str, Traces]) -> list[dict[str, Any]]:
     rows = []
     for name, (question, columns, basis) in QUESTIONS.items():
         for column, traces in runs.items():
-            answer = question(traces, column)
+            verdict = question(traces, column)
             stated = column in columns
             rows.append(
                 {
                     "id": name,
                     "column": column,
                     "statement": (question.__doc__ or "").split("\n")[0].removesuffix("."),
-                    "expected": answer.expected if stated else None,
-                    "got": answer.got,
-                    "ok": bool(answer.ok) if stated else None,
+                    "expected": verdict.expected if stated else None,
+                    "got": verdict.got,
+                    "ok": bool(verdict.ok) if stated else None,
                     "basis": basis.get(column, "predicted"),
                 }
             )
@@ -83,7 +84,7 @@ def ask(runs: Mapping[str, Traces]) -> list[dict[str, Any]]:
 def statement(
     name: str, columns: str = "ab", basis: Mapping[str, str] | None = None
 ) -> Callable[..., Question]:
-    """Enter a question; a column without a basis is predicted."""
+    """Register a statement; a column without a basis is predicted."""
 
     def enter(question: Question) -> Question:
         QUESTIONS[name] = question, columns, basis or {}
@@ -96,13 +97,13 @@ CALIBRATED = dict.fromkeys("ab", "calibrated")
 
 
 def gain_px(runs: Traces) -> float:
-    """How much compensation takes off the largest error on `straight` [px]."""
+    """Reduction of the largest error on `straight` by compensation [px]."""
     pi, hc = (runs[f"straight-{law}"].total.max() for law in ("pi", "pi_hc"))
     return float(pi - hc)
 
 
 def needed_deg() -> float:
-    """Motion of a tip that always points at the target of `straight`, from peak to peak [deg]."""
+    """Peak-to-peak motion of a tip that always points at the target of `straight` [deg]."""
     task = run.resolve(chapter_runs.request("b", "straight", "still"))
     return max(hindsight(task.scenario, task.instrument, seed=0).needed_tip_deg)
 
@@ -247,7 +248,9 @@ def circle(runs: Traces, column: str) -> Verdict:
 def ik_is_rough(runs: Traces, column: str) -> Verdict:
     """Circle: inverse kinematics is less smooth, vibrates near 3 s, and blurs more."""
     traces = [runs[f"circle-{law}"] for law in ("ik", "pi", "pi_hc")]
-    later = [one.t[1:-1] > LATENCY_S + 1.0 for one in traces]  # the first second: coming to it
+    later = [
+        one.t[1:-1] > LATENCY_S + 1.0 for one in traces
+    ]  # without the transient of the first second
     overall = [rms(one.breaks()[part]) for one, part in zip(traces, later, strict=True)]
     near = [rms(one.breaks()[within(one.t[1:-1], 3.0)]) for one in traces]
     blur = [one.blur_px for one in traces]
@@ -305,7 +308,7 @@ def latency_limits(runs: Traces, column: str) -> Verdict:
     found = {law: [rms(runs[f"straight-{law}{n}"].total) for n in names] for law in LAWS[1:]}
     got = "; ".join(f"{law} {', '.join(f'{v:.0f}' for v in of)} px" for law, of in found.items())
     good = all(a < b < c and c >= 1.1 * a for a, b, c in found.values())
-    expected = "rms at 0, 0.2, 0.4 s rises with every law, from 0 to 0.4 s by 10 % or more"
+    expected = "rms at 0, 0.2, 0.4 s rises with every controller, from 0 to 0.4 s by 10 % or more"
     return Verdict(expected, got, good)
 
 

@@ -12,7 +12,12 @@ from endolock.control.laws.hysteresis_compensation import CompensationSettings
 from endolock.control.laws.pi import PISettings
 from endolock.scripts.commands import hysteresis, run
 from endolock.scripts.runs.batch import FOLLOWED
-from endolock.scripts.thesis import chapter_figures, chapter_runs, law_calibration, statements
+from endolock.scripts.thesis import (
+    chapter_figures,
+    chapter_runs,
+    controller_calibration,
+    statements,
+)
 
 
 @pytest.fixture(scope="module")
@@ -77,14 +82,14 @@ def test_the_endoscope_lies_straight_and_its_loop_is_as_wide_as_the_excerpt_says
 
 @pytest.mark.slow
 def test_the_gains_in_use_are_those_that_the_calibration_picks() -> None:
-    best = law_calibration.pairs()[0]
+    best = controller_calibration.pairs()[0]
     assert (best.kp, best.ki) == (PISettings().kp, PISettings().ki)
-    slowest = min(rate for rate, (_, ok) in law_calibration.rates().items() if ok)
+    slowest = min(rate for rate, (_, ok) in controller_calibration.rates().items() if ok)
     assert f"law.rate_per_s={slowest}" == chapter_runs.IK_RATE
     rests = [
         speed
-        for speed, moved in law_calibration.switch_offs().items()
-        if moved < law_calibration.RESTS_DEG
+        for speed, moved in controller_calibration.switch_offs().items()
+        if moved < controller_calibration.RESTS_DEG
     ]
     assert CompensationSettings().switch_off_rad_s == min(rests)
 

@@ -1,4 +1,4 @@
-"""A law of your own: step towards the target, a little with every frame."""
+"""A controller of your own: step towards the target, a little with every frame."""
 
 from endolock.control.loop import run
 from endolock.control.metrics import score

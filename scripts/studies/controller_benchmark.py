@@ -1,7 +1,8 @@
-"""The benchmark of laws: scenarios, disturbances and latencies, as docs/benchmark.md shows them.
+"""The benchmark of the controllers: scenarios, disturbances and latencies, for docs/benchmark.md.
 
-Runs take 100 s and are scored from 50 s, at f = 262 px, without pictures (a test holds that these
-give the same), one seed. The full product is `endolock compare --vary ... --latencies ...`.
+Runs take 100 s and are scored from 50 s, at f = 262 px, without pictures (a test shows that runs
+with pictures give the same result), with one seed. For other combinations use
+`endolock compare --vary ... --latencies ...`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LAWS = (
     *("predictive", "predictive_bank", "oracle"),
 )
 FEW = ("still", "pi", "pi_hc", "ik_sync", "predictive_bank")
-"""Laws of the larger tables: doing nothing, and four that move."""
+"""Controllers of the larger tables: holding still, and four that move."""
 LATENCIES = (0.06, 0.2, 0.4, 0.8)
 DURATION_S, SCORED_FROM_S = 100.0, 50.0
 HEAD = """# Benchmark of laws
@@ -46,7 +47,7 @@ its error is that of a constant handle.
 def request(
     name: str, law: str, vary: Iterable[str] = (), latency_s: float | None = None
 ) -> run.Request:
-    """Ask for one run of the benchmark."""
+    """Return the request for one run of the benchmark."""
     return run.Request(
         scenario=name,
         controller=law,
@@ -59,7 +60,7 @@ def request(
 
 
 def page() -> str:
-    """Measure and lay out docs/benchmark.md."""
+    """Run the benchmark and return docs/benchmark.md."""
     begin = time.perf_counter()
     nominal = [(name, law) for name in SCENARIOS for law in LAWS]
     varied = [(name, law) for name in overrides.names() for law in FEW]
@@ -112,16 +113,16 @@ def _tables(
     done: Sequence[Done | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
-    """Lay one part out: errors, and below them what the laws paid.
+    """Format one part: errors, and below them the motion of tip and handle.
 
     Args:
-        title: of the part.
-        heads: of the first columns.
-        laws: in the order of the runs.
+        title: heading of the part.
+        heads: headings of the first columns.
+        laws: names of the controllers, in the order of the runs.
         cases: first cells of each row.
-        asked: what was run, case by case.
-        done: the runs.
-        last: head and cells of a further column of the table of errors.
+        asked: the requests, case by case.
+        done: the results, in the same order; None where the run is undefined.
+        last: heading and cells of a further column of the table of errors.
     """
     errors, prices = [], []
     for n, first in enumerate(cases):

@@ -1,14 +1,14 @@
-"""How the laws of the thesis' runs were calibrated, on what, and what else was tried.
+"""Calibration of the controllers for the thesis' runs: on which statements, and what was tried.
 
 * kp and ki of `pi`: on T1 and T2, both columns, with the tip following by half or more and a gain
-  margin of 1.5. Of the pairs of a grid the one with which most of these four hold, then the one
-  that misses the others by least.
-* the rate of `ik`: on T4 in column b, the slowest of a grid with which it holds.
-* the switch-off of compensation: on no statement. The smallest with which the axis whose target
-  rests does not ring, with those gains, at `NOISE_PX`.
+  margin of 1.5. Of the pairs of a grid, the one for which most of these four statements hold, and
+  then the one that misses the others by least.
+* the rate of `ik`: on T4 in column b, the slowest of a grid for which it holds.
+* the switch-off speed of compensation: on no statement. The smallest for which the axis whose
+  target rests does not ring, with those gains, at `NOISE_PX`.
 
-./run python -m endolock.scripts.thesis.law_calibration prints the tables of docs/control.md; 2
-minutes.
+`./run python -m endolock.scripts.thesis.controller_calibration` prints the tables of
+docs/control.md; 2 minutes.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ KI = tuple(round(0.2 * n, 1) for n in range(1, 11))
 RATES_PER_S = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 SWITCH_OFF_RAD_S = (0.005, 0.01, 0.02, 0.05)
 LEAST_MARGIN = 1.5
-"""Gain margin that every law leaves as it comes."""
+"""Gain margin of every controller with its defaults, at least."""
 NOISE_PX = 1.0
-"""Ten times that of markers (docs/vision.md)."""
+"""Noise of vision [px]: ten times that of markers (docs/vision.md)."""
 RESTS_DEG = 2.0
-"""A handle that moves by less rests: noise of 1 px alone moves it by 0.4 to 1.0 deg."""
+"""A handle that moves less is at rest [deg]: noise of 1 px alone moves it by 0.4 to 1.0 deg."""
 SEEDS = tuple(range(6))
-"""Of that noise; the worst counts."""
+"""Seeds of that noise; the worst result counts."""
 SHOWN = 6
 """Rows of the table of gains."""
 
 
 class GainPair(NamedTuple):
-    """What one pair of gains comes to."""
+    """Result of one pair of gains."""
 
     kp: float
     ki: float
@@ -59,23 +59,23 @@ class GainPair(NamedTuple):
     """By column."""
     gain_px: dict[str, float]
     tip_deg: float
-    """Motion of the twin's tip from peak to peak, after two strokes."""
+    """Peak-to-peak motion of the twin's tip after two strokes [deg]."""
 
     @property
     def misses_px(self) -> list[float]:
-        """How far T1 and T2 are outside their bounds, both columns [px]."""
+        """Distances of T1 and T2 from their bounds, both columns [px]; 0 inside."""
         bounded = [(self.peak_px[c], PEAK_PX[c]) for c in COLUMNS]
         bounded += [(self.gain_px[c], GAIN_PX) for c in COLUMNS]
         return [max(low - value, value - high, 0.0) for value, (low, high) in bounded]
 
     @property
     def rank(self) -> tuple[int, float]:
-        """The least is the best."""
+        """Sort key: statements missed, and by how much [px]; the smallest is the best."""
         return sum(miss > 0 for miss in self.misses_px), sum(self.misses_px)
 
 
 def pairs() -> list[GainPair]:
-    """Try the gains that leave a margin; return those with which the tip follows, best first."""
+    """Try all gains with enough margin; return those for which the tip follows, best first."""
     process = run.process_of(run.resolve(chapter_runs.request("b", "straight", "pi")).scenario)
     tried = []
     for kp, ki in product(KP, KI):
@@ -105,7 +105,7 @@ def pairs() -> list[GainPair]:
 
 
 def rates() -> dict[float, tuple[str, bool]]:
-    """Ask T4 of column b with each rate; return what came out and whether it holds."""
+    """Test T4 in column b for each rate; return the result and whether it holds."""
     asked = [chapter_runs.request("b", "straight", law) for law in ("pi", "pi_hc")]
     asked += [
         chapter_runs.request("b", "straight", "ik", (f"law.rate_per_s={rate}",))
@@ -115,13 +115,13 @@ def rates() -> dict[float, tuple[str, bool]]:
     found = {}
     for rate, ik in zip(RATES_PER_S, inverse, strict=True):
         runs = {"straight-pi": pi, "straight-pi_hc": hc, "straight-ik": ik}
-        answer = straight_ik(runs, "b")
-        found[rate] = answer.got, bool(answer.ok)
+        verdict = straight_ik(runs, "b")
+        found[rate] = verdict.got, bool(verdict.ok)
     return found
 
 
 def switch_offs() -> dict[float, float]:
-    """Return how far the resting axis' handle moves at most with each switch-off [deg]."""
+    """Return the largest motion of the resting axis' handle for each switch-off speed [deg]."""
     noise = f"camera.truth_noise_px={NOISE_PX}"
     asked = [
         replace(
@@ -139,7 +139,7 @@ def switch_offs() -> dict[float, float]:
 
 
 def table() -> str:
-    """Measure and lay out, as Markdown."""
+    """Run the calibration and return its tables as Markdown."""
     rows = [
         [
             f"{one.kp:g}, {one.ki:g}",
