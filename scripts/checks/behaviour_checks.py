@@ -1,4 +1,4 @@
-"""Checks of how the twin behaves: rates, creep, growth, symmetry, repetition, energy."""
+"""Checks of the twin's behaviour: rate, creep, growth, symmetry, repeatability, energy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CHECKS: list[Check] = []
     against="in 40 s",
     unit="%",
     high=3.0,
-    why="dry friction knows no rate; servo lag and damping do",
+    why="dry friction is rate-independent; servo lag and damping are not",
 )
 def rate_dependence() -> float:
     """Compare the loop width at 30 deg in 5 s with that in 40 s [%]."""
@@ -46,14 +46,14 @@ def rate_dependence() -> float:
 
 @check(
     CHECKS,
-    "creep of the tip in a minute at held handles, each instrument",
+    "creep of the tip in a minute with the handles held, every instrument",
     against="none",
     unit="deg",
     high=0.5,
     why="the solver's friction rows are soft; a fiftieth of the loop",
 )
 def drift() -> float:
-    """Hold the handles after a stroke; how far the tip creeps in a minute [deg]."""
+    """Hold the handles after a stroke and measure the creep of the tip in a minute [deg]."""
     worst = 0.0
     for name in instrument_files.names():
         plant = still(instrument_files.load(name))
@@ -79,7 +79,7 @@ def calibrated_width() -> float:
 
 @check(
     CHECKS,
-    "growth of the loop width from shaft 0 to 180 to 360 deg, least",
+    "smallest growth of the loop width, shaft from 0 to 180 to 360 deg",
     against="more bend, more friction",
     unit="%",
     low=10.0,
@@ -94,7 +94,7 @@ def growth_with_shaft() -> float:
 @check(
     CHECKS,
     "growth of the loop width with the other axis at 60 deg",
-    against="found by the thesis",
+    against="reported by the thesis",
     unit="%",
     low=15.0,
     why="its size is assumed",
@@ -114,7 +114,7 @@ def growth_with_other_axis() -> float:
     against="mirrored bends",
     unit="deg",
     high=1e-9,
-    why="sums run in another order",
+    why="order of summation",
 )
 def mirror() -> float:
     """Compare bends under mirrored handles [deg]."""
@@ -142,14 +142,14 @@ def timestep() -> float:
 
 @check(
     CHECKS,
-    "numbers of a restored state that differ 0.5 s on",
-    against="the state itself",
+    "state components that differ 0.5 s after a restore",
+    against="the original run",
     unit="",
     high=0.0,
-    why="same bits: nothing is hidden",
+    why="bit-identical: no hidden state",
 )
 def restored_state() -> float:
-    """Set a moving plant's state into another one; count the numbers that differ 0.5 s on."""
+    """Copy a moving plant's state to another one; count the components that differ 0.5 s later."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     differing = 0
     for name in instrument_files.names():
@@ -171,12 +171,12 @@ def restored_state() -> float:
 
 @cache
 def cycle_work() -> tuple[float, float]:
-    """Least work [mJ] of steady handle cycles at a fixed shaft: taken in, and dissipated.
+    """Return the least work of steady handle cycles at a fixed shaft, absorbed and dissipated [mJ].
 
-    Renewing the springs' stiffness as the section bends puts energy into them or takes some out;
-    what is dissipated is the sum of that and of the handle's work.
+    Updating the springs' stiffness as the section bends adds energy to them or removes it; the work
+    dissipated is the sum of this energy and of the handle's work.
     """
-    taken, lost = inf, inf
+    absorbed, lost = inf, inf
     for name, shaft, peak in product(instrument_files.names(), SHAFTS_DEG, (0.4, 1.2)):
         plant = still(instrument_files.load(name), shaft_deg=shaft)
         loop(plant, peak, 10.0)
@@ -196,33 +196,33 @@ def cycle_work() -> tuple[float, float]:
             stiffness = now.copy()
         angles, moments = np.array([*rows, rows[0]]).T
         work = float(np.trapezoid(moments, angles))
-        taken, lost = min(taken, 1e3 * work), min(lost, 1e3 * (work + renewed))
-    return taken, lost
+        absorbed, lost = min(absorbed, 1e3 * work), min(lost, 1e3 * (work + renewed))
+    return absorbed, lost
 
 
 @check(
     CHECKS,
-    "work that a steady handle cycle takes in, least of 18",
-    against="no engine",
+    "work absorbed by a steady handle cycle, least of 18",
+    against="passivity",
     unit="mJ",
     low=0.0,
     why="dry friction dissipates",
 )
-def work_taken() -> float:
-    """Return the least work that cycles take in."""
+def work_absorbed() -> float:
+    """Return the least work absorbed by a cycle [mJ]."""
     return cycle_work()[0]
 
 
 @check(
     CHECKS,
-    "work that it dissipates, renewal of stiffness booked apart",
-    against="no engine",
+    "work dissipated by it, without that of the stiffness updates",
+    against="passivity",
     unit="mJ",
     low=0.0,
     why="the same",
 )
 def work_dissipated() -> float:
-    """Return the least work that cycles dissipate."""
+    """Return the least work dissipated by a cycle [mJ]."""
     return cycle_work()[1]
 
 
@@ -232,10 +232,10 @@ def work_dissipated() -> float:
     against="the twin",
     unit="deg rms",
     high=2.0,
-    why="plays know neither the other axis nor the bend; enough to rank laws",
+    why="plays model neither the other axis nor the bend; sufficient to rank controllers",
 )
 def surrogate() -> float:
-    """Drive twin and surrogate alike."""
+    """Drive twin and surrogate with the same goals [deg]."""
     return apart_from_twin(rigs.plays_of(Instrument(), 180.0))
 
 
@@ -248,12 +248,12 @@ def surrogate() -> float:
     why="no inertia, no gravity, a bend that lags by one step of 10 ms",
 )
 def quasi_static() -> float:
-    """Drive twin and quasi-static rig alike."""
+    """Drive twin and quasi-static rig with the same goals [deg]."""
     return apart_from_twin(rigs.wires_of(Instrument(), 180.0))
 
 
 def apart_from_twin(transmission: Transmission) -> float:
-    """Drive twin and a model alike; how far their bends are apart, rms of both axes [deg]."""
+    """Drive the twin and a model with the same goals; return the rms bend difference [deg]."""
     pair = (TwinRig("rest", pictures=False), SurrogateRig("rest", transmission=transmission))
     random = np.random.default_rng(0)
     t = np.arange(0.0, 40.0, 0.02)
@@ -265,10 +265,10 @@ def apart_from_twin(transmission: Transmission) -> float:
     for rig in pair:
         with rig:
             rig.actuators.enable()
-            course = []
+            bend = []
             for time, goal in zip(t.tolist(), goals.tolist(), strict=True):
                 rig.clock.sleep_until(time)
                 rig.actuators.exchange(Command(position=goal))
-                course.append(rig.truth.now().plant.bend_rad)
-        bends.append(np.array(course))
+                bend.append(rig.truth.now().plant.bend_rad)
+        bends.append(np.array(bend))
     return degrees(rms(bends[0] - bends[1]))

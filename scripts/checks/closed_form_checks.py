@@ -41,7 +41,7 @@ CHECKS: list[Check] = []
     why="rounding of 0.1 m",
 )
 def wire_lengths() -> float:
-    """Compare the lengths of the wires at random hinge angles with the closed form."""
+    """Compare the lengths of the wires at random hinge angles with the closed form [m]."""
     plant = still()
     model, data = plant.model, plant.data
     random = np.random.default_rng(SEED)
@@ -71,10 +71,10 @@ def wire_lengths() -> float:
     against="balance of moments, scipy",
     unit="deg",
     high=1e-4,
-    why="what is left of the motion after 5 s",
+    why="residual motion after 5 s",
 )
 def static_section() -> float:
-    """Compare hinge angles without friction, hanging, with the balance of moments."""
+    """Compare hinge angles without friction, with gravity, with the balance of moments [deg]."""
     smooth = Instrument(conduit_friction=0.0, section_friction=0.0)
     worst = 0.0
     for numerics, handles in product(NUMERICS.values(), ((0.8, -0.5), (0.0, 1.2))):
@@ -115,7 +115,7 @@ def capstan_ratio() -> float:
 
 @check(
     CHECKS,
-    "travel per tension while all of the wire slides",
+    "travel per tension while the whole wire slides",
     against="elastic cable, A/k and B/k",
     unit="%",
     high=0.1,
@@ -141,7 +141,7 @@ def slip_slopes() -> float:
     against="elastic cable, clip(T, k d/A, k d/B)",
     unit="% of peak",
     high=0.5,
-    why="the ambition of the project",
+    why="accuracy required of the project",
 )
 def random_loops() -> float:
     """Compare the tension at the section in random minor loops with the capstan cable's [%]."""
@@ -159,7 +159,7 @@ def random_loops() -> float:
 
 @cache
 def load_and_unload() -> list[tuple[HandleMotion, HandleMotion, PulledSection]]:
-    """Record a slow stroke with slack wires, out and back, at three bends of the shaft."""
+    """Record a slow stroke with slack wires, out and back, for three bends of the shaft."""
     slack, strokes = replace(ONE_WIRE, slack_m=0.0005), []
     for shaft in SHAFTS_DEG:
         motion = turn(still(slack, shaft_deg=shaft), [(0.0, 0.0), (60.0, 1.5), (120.0, 0.0)])
@@ -174,7 +174,7 @@ def load_and_unload() -> list[tuple[HandleMotion, HandleMotion, PulledSection]]:
     against="closed form",
     unit="%",
     high=0.5,
-    why="the ambition of the project",
+    why="accuracy required of the project",
 )
 def handle_angles() -> float:
     """Compare handle angles on the way out and back with the closed form [%]."""
@@ -193,11 +193,11 @@ def handle_angles() -> float:
 
 @check(
     CHECKS,
-    "handle angle lost between out and back, same strokes",
+    "handle motion lost between out and back, same strokes",
     against="closed form",
     unit="%",
     high=1.0,
-    why="a difference of the angles above, 30 times as small",
+    why="a difference of the angles above, 30 times smaller",
 )
 def loop_widths() -> float:
     """Compare the handle's lost motion at a bend, out against back, with the closed form [%]."""
@@ -213,14 +213,14 @@ def loop_widths() -> float:
 
 @check(
     CHECKS,
-    "bends in slow loops of both signs and sizes, each instrument",
+    "bends in slow loops of both signs and several sizes, every instrument",
     against="quasi-static solution, control/transmission/quasi_static.py",
     unit="deg",
     high=0.1,
     why="damping at 0.1 rad/s",
 )
 def slow_loops() -> float:
-    """Compare the bends of whole instruments, pretension and sheath included, with a solver."""
+    """Compare the bends of whole instruments, pretension and sheath included, with a solver [deg]."""
     worst = 0.0
     for name, shaft in product(instrument_files.names(), SHAFTS_DEG[:2]):
         made = instrument_files.load(name)
@@ -239,10 +239,10 @@ def slow_loops() -> float:
     against="elastic cable sliding by thirds",
     unit="% of peak",
     high=0.5,
-    why="the front of a real cable moves on smoothly, up to 10 % off these straight lines",
+    why="the sliding front of a real cable moves smoothly, up to 10 % off these straight lines",
 )
 def handle_tension() -> float:
-    """Compare the handle's tension after a reversal, three nodes a wire, with a cable's [%]."""
+    """Compare the handle tension after a reversal, three nodes per wire, with a cable's [%]."""
     one = replace(ONE_WIRE, section_friction=0.0)
     motion = turn(still(one, NUMERICS["fidelity"]), [(0.0, 0.0), (20.0, 1.2), (24.0, 0.96)])
     crest = int(motion.proximal.argmax())
@@ -261,7 +261,7 @@ def handle_tension() -> float:
     against="2 slack / r_p",
     unit="%",
     high=10.0,
-    why="where the tip begins to move is a matter of threshold",
+    why="depends on the threshold for motion of the tip",
 )
 def deadband() -> float:
     """Compare the handle angle over which slack wires leave the tip alone with 2 slack/r_p [%]."""

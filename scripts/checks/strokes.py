@@ -1,4 +1,4 @@
-"""What checks are made of: slow strokes of a plant without a rig, and what is noted of each."""
+"""Parts of the checks: slow strokes of a plant without a rig, and the record of each."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument, Numerics
 
 ONE_WIRE = Instrument(slack_m=0.0)
-"""Wires neither slack nor tight: only the one that is pulled carries."""
+"""Wires neither slack nor under pretension: only the pulled wire carries a load."""
 SHAFTS_DEG = (0.0, 180.0, 360.0)
 SEED = 7
-"""Of the random hinge angles and handle motions; any will do."""
+"""Seed of the random hinge angles and handle motions; arbitrary."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One comparison."""
+    """One comparison of the twin with a reference."""
 
     what: str
     against: str
@@ -33,23 +33,23 @@ class Check:
     high: float = inf
     """Bounds of the figure."""
     why: str
-    """Why the bounds are where they are."""
+    """Reason for the bounds."""
     measure: Callable[[], float]
     """Returns the figure: the worst deviation, unless `what` says otherwise."""
 
 
 @dataclass(frozen=True)
 class HandleMotion:
-    """A slow motion of one handle while the other one stands."""
+    """A slow motion of one handle while the other one is held."""
 
     t: Vector
     handle: Vector
     bend: Vector
-    """Of the same axis [rad]."""
+    """Bend of the same axis [rad]."""
     proximal: Vector
     """Tension at the handle of the wire that a positive angle pulls [N]."""
     distal: Vector
-    """The same at the section."""
+    """Tension of the same wire at the section [N]."""
     opposite: Vector
     """Tension at the handle of the other wire of the axis [N]."""
 
@@ -66,7 +66,7 @@ def still(
     shaft_deg: float = 180.0,
     gravity: bool = False,
 ) -> TwinPlant:
-    """Make a plant that stands still with its motors on."""
+    """Create a plant at rest with its motors on."""
     rest = scenario.load("rest", {"shaft_bend_deg": shaft_deg, "gravity": gravity})
     return TwinPlant(rest, instrument or Instrument(), numerics or Numerics(), 0)
 
@@ -75,7 +75,7 @@ def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) ->
     """Turn a handle along straight lines.
 
     Args:
-        plant: it goes on from where it is.
+        plant: its motion starts from its present state.
         corners: (time from now [s], angle [rad]), in order.
         axis: 0 up_down, 1 left_right.
     """
@@ -96,7 +96,7 @@ def turn(plant: TwinPlant, corners: list[tuple[float, float]], axis: int = 0) ->
 
 
 def loop(plant: TwinPlant, peak: float, period_s: float, axis: int = 0) -> HandleMotion:
-    """Turn a handle in a triangle wave; return the last of two periods, from crest to crest."""
+    """Turn a handle in a triangle wave; return the second of two periods, from crest to crest."""
     quarter = period_s / 4
     corners = [(quarter * (2 * n + 1), peak * (-1) ** n) for n in range(5)]
     return turn(plant, [(0.0, 0.0), *corners], axis).between(5 * quarter, 9 * quarter)
@@ -138,7 +138,7 @@ def check(
     high: float = inf,
     why: str,
 ) -> Callable[[Callable[[], float]], Callable[[], float]]:
-    """Put the decorated function into a list of checks; the rest is as in `Check`."""
+    """Add the decorated function to a list of checks; the other arguments are those of `Check`."""
 
     def note(measure: Callable[[], float]) -> Callable[[], float]:
         into.append(

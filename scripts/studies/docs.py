@@ -151,7 +151,9 @@ def verified() -> str:
     for check in verification.CHECKS:
         figure = f"{check.measure():.3g} {check.unit}".strip()
         rows.append([check.what, check.against, figure, verification.bounds(check), check.why])
-    return markdown_table(["what", "against", "figure", "bound", "why there"], rows, "llrll")
+    return markdown_table(
+        ["what", "against", "figure", "bound", "reason for the bound"], rows, "llrll"
+    )
 
 
 def identified() -> str:
