@@ -1,12 +1,20 @@
-"""What can go wrong, as one line for a person: what was wanted, what came, what to do next."""
+"""Errors as data: what happened, what to do next, and which calls resume.
+
+The sentence is made at the edge: `str(error)` for programs, which can make the calls, and
+`for_people(error)` for somebody who runs commands.
+"""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Literal
+
+RESUME = ("clear_fault", "enable")
+"""Calls that resume after a latched fault."""
 
 
 class EndolockError(Exception):
-    """Root of all errors that a user can meet, as data; `str(error)` is the sentence for a person.
+    """Root of all errors that a user can meet.
 
     Args:
         what: what was asked for and what was found instead.
@@ -22,8 +30,11 @@ class EndolockError(Exception):
         return "; ".join(part for part in (self.what, self.next_step) if part)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Exception would call __init__ with `args` alone, and lose the keyword-only fields.
-        return type(self).__new__, (type(self), *self.args), self.__dict__
+        # Exception would call the class with `args` alone, without the keyword-only fields.
+        fields = {
+            k: v for k, v in vars(self).items() if k not in ("what", "next_step", "__notes__")
+        }
+        return partial(type(self), **fields), self.args, vars(self)
 
 
 class ConfigError(EndolockError, ValueError):
@@ -36,16 +47,31 @@ class HardwareError(EndolockError, RuntimeError):
     Args:
         what: what was asked for and what was found instead.
         next_step: what to do about it.
+        recovery: calls on the actuators to make after that, in order, such as `RESUME`.
         t: clock time of the event [s].
-        axis: name of the axis concerned, where there is one.
+        axis: name of the axis concerned, if it concerns one.
     """
 
     def __init__(
-        self, what: str, next_step: str = "", *, t: float, axis: str | None = None
+        self,
+        what: str,
+        next_step: str = "",
+        *,
+        recovery: tuple[str, ...] = (),
+        t: float,
+        axis: str | None = None,
     ) -> None:
         super().__init__(what, next_step)
+        self.recovery = recovery
         self.t = t
         self.axis = axis
+
+    def __str__(self) -> str:
+        calls = " and ".join(f"{name}()" for name in self.recovery)
+        if not calls:
+            return super().__str__()
+        step = f"{self.next_step}, then {calls}" if self.next_step else f"call {calls} first"
+        return f"{self.what}; {step}"
 
 
 class StateError(HardwareError):
@@ -65,7 +91,7 @@ class PortBusy(LinkError):
 
 
 class PortGone(LinkError):
-    """The port is not there, or was unplugged; latched until `clear_fault()`."""
+    """The port does not exist, or was unplugged; latched until `clear_fault()`."""
 
 
 class LinkLost(LinkError):
@@ -75,7 +101,7 @@ class LinkLost(LinkError):
 Fault = Literal[
     "watchdog", "overload", "overheat", "voltage", "encoder", "following", "estop", "reset"
 ]
-"""What a device or its guard may stop for."""
+"""Why a device or its guard may stop."""
 
 
 class DeviceFault(HardwareError):
@@ -84,14 +110,49 @@ class DeviceFault(HardwareError):
     Args:
         what: what was asked for and what was found instead.
         next_step: what to do about it.
-        kind: what tripped: watchdog, overload, overheat, voltage, encoder, following, estop or
-            reset.
+        kind: what tripped, one of `Fault`.
+        recovery: calls on the actuators that resume.
         t: clock time of the event [s].
-        axis: name of the axis concerned, where there is one.
+        axis: name of the axis concerned, if it concerns one.
     """
 
     def __init__(
-        self, what: str, next_step: str = "", *, kind: Fault, t: float, axis: str | None = None
+        self,
+        what: str,
+        next_step: str = "",
+        *,
+        kind: Fault,
+        recovery: tuple[str, ...] = (),
+        t: float,
+        axis: str | None = None,
     ) -> None:
-        super().__init__(what, next_step, t=t, axis=axis)
+        super().__init__(what, next_step, recovery=recovery, t=t, axis=axis)
         self.kind = kind
+
+
+def for_people(error: EndolockError) -> str:
+    """Return all that an error says to somebody who runs commands: no calls, its notes included.
+
+    A command starts afresh with torque off, so it resumes by running it again; only a fault that a
+    motor had before it started needs the motors' supply switched off and on.
+    """
+    step = error.next_step
+    if isinstance(error, HardwareError) and error.recovery:
+        again = "run again"
+        if isinstance(error, StateError) and "clear_fault" in error.recovery:
+            again = "switch the motors' supply off and on, and run again"
+        step = f"{step}, then {again}" if step else again
+    notes = getattr(error, "__notes__", ())
+    return "; ".join(part for part in (error.what, step, *notes) if part)
+
+
+def add_second(first: BaseException, what: str, second: BaseException) -> None:
+    """Add an error met while handling another one to that one, as a note.
+
+    Args:
+        first: the error on its way out; it stays the one that is raised.
+        what: what the second one kept from being done.
+        second: the error met meanwhile.
+    """
+    reason = second.what if isinstance(second, EndolockError) else str(second)
+    first.add_note(f"{what}: {reason or type(second).__name__}")

@@ -1,12 +1,13 @@
-"""TOML files that come with the package, and files of one's own: reading, and saying what is wrong.
+"""Files of people: TOML read and judged, and files written whole or not at all.
 
-Scenarios and instruments are such files; a folder below `models` holds those of the package.
+Scenarios and instruments are TOML files; a folder below `models` holds those of the package.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
@@ -14,25 +15,25 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from endolock.hw.api import ConfigError
+from endolock.hw.errors import ConfigError, EndolockError
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls an unknown key, in models and in dataclasses."""
 
 
 class Section(BaseModel):
-    """Values of one part of a file: frozen, finite, and none with an unknown name."""
+    """Values of one part of a file: frozen, finite, unknown keys refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def names(folder: str) -> list[str]:
-    """Names of the files that come with the package.
+    """Return the names of the files that come with the package.
 
     Args:
         folder: where they are, below `models`.
     """
-    return sorted(f.name[:-5] for f in _place(folder).iterdir() if f.name.endswith(".toml"))
+    return sorted(f.name[:-5] for f in _models(folder).iterdir() if f.name.endswith(".toml"))
 
 
 def read(kind: str, folder: str, source: str) -> tuple[dict[str, Any], str]:
@@ -44,31 +45,98 @@ def read(kind: str, folder: str, source: str) -> tuple[dict[str, Any], str]:
         source: name of one of these, or a path ending in .toml.
 
     Returns:
-        What is in it, and its name.
+        Its values, and its name.
 
     Raises:
-        ConfigError: no such name, no file that can be read, or no TOML.
+        ConfigError: no such name, the file cannot be read, or it is not TOML.
     """
-    text, name = _text(kind, folder, source)
+    known = names(folder)
+    if source in known:
+        text = (_models(folder) / f"{source}.toml").read_text(encoding="utf-8")
+        return tomllib.loads(text), source
+    path = Path(source)
+    if path.suffix.lower() == ".toml":
+        return read_toml(path, kind, "check the path"), path.stem
+    near = get_close_matches(source, known, 1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise ConfigError(
+        f"{kind} '{source}' is unknown", f"use {', '.join(known)} or a .toml file{hint}"
+    )
+
+
+def read_toml(path: Path, kind: str, next_step: str) -> dict[str, Any]:
+    """Read a TOML file, in UTF-8 with or without a byte order mark.
+
+    Args:
+        path: the file.
+        kind: what it holds, for people, such as "bench".
+        next_step: what to do where it cannot be read.
+
+    Raises:
+        ConfigError: it cannot be read, or is not TOML.
+    """
     try:
-        return tomllib.loads(text), name
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{kind} {source} is not TOML: {error}", "correct the file") from None
+        raise ConfigError(f"{kind} {path} is not TOML: {error}", "correct the file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise ConfigError(f"cannot read {kind} {path}: {reason}", next_step) from None
+
+
+def write_whole(path: Path, data: str | bytes, next_step: str) -> None:
+    """Write a file whole or not at all; an older one stays until the new one is complete.
+
+    Args:
+        path: the file.
+        data: its content; text is written in UTF-8.
+        next_step: what to do where it cannot be written.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    with replacing(path, next_step) as part:
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+@contextmanager
+def replacing(path: Path, next_step: str) -> Iterator[Path]:
+    """Give a path beside `path` to write to, which replaces `path` at the end of the block.
+
+    Where the block fails, what it has written is removed and `path` stays as it was.
+
+    Args:
+        path: the file, or the link.
+        next_step: what to do where it cannot be written.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    part = path.with_name(f"{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+    except OSError as error:
+        reason = error.strerror or error
+        raise ConfigError(f"cannot write {path}: {reason}", next_step) from None
+    finally:
+        with suppress(OSError):
+            part.unlink()
 
 
 def first_problem(
     error: ValidationError,
     keys: Callable[[tuple[str, ...]], list[str]],
     elsewhere: Mapping[str, str] | None = None,
-) -> str:
-    """Say the first thing wrong with the values of a file, in one line; unknown keys come first.
+) -> tuple[str, str]:
+    """Return the first thing wrong with the values of a file, and what to do; unknown keys first.
 
     Args:
         error: what pydantic found.
         keys: lists the keys that may stand at a place, such as () or ("camera",).
-        elsewhere: keys of other places, and what they are called in full there; one of these is
-            proposed for an unknown key that resembles none of its own place, or stands above all
-            sections by its very name.
+        elsewhere: keys of other sections, with their full names there; one of these is proposed
+            for an unknown key that resembles none of its own section, or that stands above all
+            sections with exactly that name.
     """
     problem = min(error.errors(), key=lambda found: found["type"] not in _UNKNOWN)
     place = tuple(str(part) for part in problem["loc"])
@@ -80,44 +148,29 @@ def first_problem(
         near = [".".join((*section, key)) for key in get_close_matches(name, known, 1)]
         far = [others[key] for key in get_close_matches(name, others, 1)]
         if meant := exact + near + far:
-            return f"unknown key {where}; did you mean {meant[0]}?"
-        return f"unknown key {where}; known are {', '.join(known)}"
-    text = _said(problem, where)
-    return f"{where}: {text}" if where else text
+            return f"unknown key {where}", f"did you mean {meant[0]}?"
+        return f"unknown key {where}", f"known are {', '.join(known)}"
+    what, next_step = _explained(problem, where)
+    return f"{where}: {what}" if where else what, next_step
 
 
-def _said(problem: Any, where: str) -> str:
+def _explained(problem: Any, where: str) -> tuple[str, str]:
+    """Return what is wrong with one value, and what to do where that is known."""
     kind, value = problem["type"], problem["input"]
-    if kind == "value_error":  # raised by a check of ours, which says it all
-        return str(problem["ctx"]["error"])
+    if kind == "value_error":  # raised by a check of ours
+        error = problem["ctx"]["error"]
+        known = isinstance(error, EndolockError)
+        return (error.what, error.next_step) if known else (str(error), "")
     if kind == "missing":
-        return str(problem["msg"])
+        return str(problem["msg"]), ""
     if kind == "union_tag_not_found":
-        return f"{problem['ctx']['discriminator']} is missing"
+        return f"{problem['ctx']['discriminator']} is missing", ""
     if kind == "tuple_type" and isinstance(value, dict):
-        return f"there may be several; write [[{where}]]"
+        return "there may be several", f"write [[{where}]]"
     if kind == "model_type" and isinstance(value, list):
-        return f"there is one only; write [{where}]"
-    return f"{problem['msg'].replace('Input should be', 'should be')}, got {value!r}"
+        return "there is only one", f"write [{where}]"
+    return f"{problem['msg'].replace('Input should be', 'should be')}, got {value!r}", ""
 
 
-def _place(folder: str) -> Any:
+def _models(folder: str) -> Any:
     return resources.files("endolock") / "models" / folder
-
-
-def _text(kind: str, folder: str, source: str) -> tuple[str, str]:
-    known = names(folder)
-    if source in known:
-        return (_place(folder) / f"{source}.toml").read_text(encoding="utf-8"), source
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        try:
-            return path.read_text(encoding="utf-8-sig"), path.stem
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-            raise ConfigError(f"cannot read {kind} {source}: {reason}", "check the path") from None
-    near = get_close_matches(source, known, 1)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    raise ConfigError(
-        f"{kind} '{source}' is unknown", f"use {', '.join(known)} or a .toml file{hint}"
-    )

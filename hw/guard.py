@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from types import TracebackType
-from typing import Self
 
 from endolock.hw.api import (
     Clock,
@@ -25,7 +23,9 @@ from endolock.hw.api import (
     StateError,
 )
 from endolock.hw.drive import Drive, Reading
+from endolock.hw.errors import RESUME, add_second
 from endolock.hw.history import History
+from endolock.hw.lifecycle import Connecting
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class GuardSettings:
     """After a pause the goal moves at most as far as in this time [s]. Assumed."""
 
 
-class Guard:
+class Guard(Connecting):
     """Actuators made of a drive and the rules of safe motion.
 
     Args:
@@ -102,19 +102,20 @@ class Guard:
     def home(self) -> None:
         """Make the present position the zero of both axes; see `Actuators.home`."""
         if self._mode is not Mode.DISABLED:
-            first = {Mode.DISCONNECTED: "connect()", Mode.FAULT: "clear_fault()"}
-            step = first.get(self._mode, "disable()")
-            raise self._state_error(f"cannot home while {self._mode}; {step} first")
+            first = {Mode.DISCONNECTED: "connect", Mode.FAULT: "clear_fault"}
+            raise self._state_error(
+                f"cannot home while {self._mode}", first.get(self._mode, "disable")
+            )
         self._drive.zero()
         self._history = History()  # what it remembers counts from the old zero
 
     def enable(self) -> State:
         """Switch torque on without a jump; see `Actuators.enable`."""
         if self._mode is Mode.DISCONNECTED:
-            raise self._state_error("cannot enable before connect()")
-        if (why := self._fault or self._stop) is not None:
-            raise self._state_error(f"cannot enable: {why}; call clear_fault() first")
+            raise self._state_error(f"cannot enable while {self._mode}", "connect")
         now = self.clock.now()
+        if (why := self._fault or self._stopped(now)) is not None:
+            raise self._state_error(f"cannot enable: {why.what}", "clear_fault", why.next_step)
         try:
             reading = self._drive.transfer(None)
             if reading.fresh:
@@ -128,7 +129,8 @@ class Guard:
         if not reading.fresh:  # nothing was sent, so there is nothing to latch
             raise LinkLost(
                 "the handles do not answer, so enabling could make them jump",
-                "check cable and power, then enable() again",
+                "check cable and power",
+                recovery=("enable",),
                 t=now,
             )
         self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
@@ -139,14 +141,13 @@ class Guard:
     def exchange(self, command: Command | None) -> State:
         """Send a command and read the state; see `Actuators.exchange`."""
         if self._mode is Mode.DISCONNECTED:
-            raise self._state_error("cannot exchange before connect()")
+            raise self._state_error(f"cannot exchange while {self._mode}", "connect")
         if self._fault is not None:
             raise self._fault
         now = self.clock.now()
-        if self._stop is not None:
-            fault = DeviceFault(self._stop, kind="estop", t=now)
-            self._latch(fault)
-            raise fault
+        if (stopped := self._stopped(now)) is not None:
+            self._latch(stopped)
+            raise stopped
         if command is not None:
             self._accept(command, now)
         elif self._mode is Mode.ENABLED and now > self._expires:
@@ -175,7 +176,7 @@ class Guard:
 
     def estop(self, why: str) -> None:
         """Stop for good; see `Actuators.estop`."""
-        self._stop = f"stopped: {why}; see to it, then clear_fault() and enable()"
+        self._stop = why
 
     def disable(self) -> None:
         """Switch torque off; see `Actuators.disable`."""
@@ -205,33 +206,14 @@ class Guard:
             self._mode = Mode.DISCONNECTED
             self._drive.close()
 
-    def __enter__(self) -> Self:
-        """Connect."""
-        self.connect()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close, without hiding an exception on its way out."""
-        try:
-            self.close()
-        except Exception as second:  # whatever a device does when it is closed badly
-            if error is None:
-                raise
-            error.add_note(f"and the handles could not be closed: {second}")
-
     def _accept(self, command: Command, now: float) -> None:
         if not self._mode.driven:
-            raise self._state_error(f"cannot move while {self._mode}; call enable() first")
+            raise self._state_error(f"cannot move while {self._mode}", "enable")
         position = tuple(float(p) for p in command.position)
         if len(position) != len(self.axes):
             raise CommandError(
-                f"command has {len(position)} positions; give {len(self.axes)}: "
-                + ", ".join(self.axes),
+                f"command has {len(position)} positions",
+                f"give {len(self.axes)}: {', '.join(self.axes)}",
                 t=now,
             )
         for axis, value in zip(self.axes, position, strict=True):
@@ -283,7 +265,8 @@ class Guard:
             who = " and ".join(reading.silent) or "the handles"
             raise LinkLost(
                 f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen",
-                "check cable and power, then clear_fault() and enable()",
+                "check cable and power",
+                recovery=RESUME,
                 t=now,
                 axis=reading.silent[0] if reading.silent else None,
             )
@@ -303,7 +286,8 @@ class Guard:
             raise LinkLost(
                 f"no goal reached {axis} for {now - self._taken_at:.3f} s, though it answers; the "
                 "goal is frozen",
-                "check the cable, then clear_fault() and enable()",
+                "check the cable",
+                recovery=RESUME,
                 t=now,
                 axis=axis,
             )
@@ -322,7 +306,8 @@ class Guard:
                 raise DeviceFault(
                     f"handle {axis} is {error:+.2f} rad from its goal for more than "
                     f"{settings.following_time_s:g} s; the goal is frozen where it stands",
-                    "free the handle, then clear_fault() and enable()",
+                    "free the handle",
+                    recovery=RESUME,
                     kind="following",
                     t=now,
                     axis=axis,
@@ -335,7 +320,7 @@ class Guard:
         try:
             self._goal = self._drive.hold() or self._goal
         except HardwareError as second:
-            fault.add_note(f"and the handles could not be told to hold: {second}")
+            add_second(fault, "and the handles could not be told to hold", second)
 
     def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
         state = State(
@@ -360,5 +345,24 @@ class Guard:
             return reading.position
         return self._drive.quantise(self._goal) if reading.goal is None else reading.goal
 
-    def _state_error(self, message: str) -> StateError:
-        return StateError(message, t=self.clock.now())
+    def _stopped(self, now: float) -> DeviceFault | None:
+        """Return the fault that an emergency stop asks for; None where nobody asks."""
+        if self._stop is None:
+            return None
+        return DeviceFault(
+            f"stopped: {self._stop}",
+            "remove the cause",
+            kind="estop",
+            recovery=RESUME,
+            t=now,
+        )
+
+    def _state_error(self, what: str, first: str, next_step: str = "") -> StateError:
+        """Refuse a call that does not fit the mode.
+
+        Args:
+            what: what was refused.
+            first: the call to make before it.
+            next_step: what to do before that.
+        """
+        return StateError(what, next_step, recovery=(first,), t=self.clock.now())

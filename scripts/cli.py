@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import endolock
 from endolock.hw.api import ConfigError, EndolockError, HardwareError
+from endolock.hw.errors import for_people
 
 DESCRIPTION = (
     "Digital twin of a robot-steered flexible endoscope, and its target lock. "
@@ -38,9 +39,9 @@ def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
         sys.stdout.flush()  # here, where a reader that has gone is no error yet
         return code
     except HardwareError as error:
-        return _fail(_told(error), 3)
+        return _fail(for_people(error), 3)
     except EndolockError as error:
-        return _fail(_told(error), 2)
+        return _fail(for_people(error), 2)
     except KeyboardInterrupt:
         return _fail("interrupted", 130)
     except SystemExit as stop:  # --help
@@ -147,13 +148,6 @@ def _dispatch(args: list[str]) -> int:
     }
     request = parse(commands, "endolock", args)
     return mains[type(request)](request)
-
-
-def _told(error: EndolockError) -> str:
-    """Return all that an error says; what is written for programs, for people too."""
-    told = "; ".join([str(error), *getattr(error, "__notes__", ())])
-    told = told.replace("then clear_fault() and enable()", "then run again")
-    return told.replace("call clear_fault() first", "switch its supply off and on first")
 
 
 def _fail(message: str, code: int) -> int:

@@ -11,8 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from math import ceil, floor, inf, isfinite
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from endolock.hw.api import ConfigError, Image
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.direct_link import DirectLink
 from endolock.hw.guard import Guard
+from endolock.hw.lifecycle import ClosingRig, close_all
 from endolock.twin.camera import exposure, optics, renderer
 from endolock.twin.camera.exposure import SubExposure
 from endolock.twin.ground_truth import TwinTruth
@@ -64,7 +64,7 @@ class TwinClock:
         return self.now()
 
 
-class TwinRig:
+class TwinRig(ClosingRig):
     """A simulated endoscope that steers like a real one.
 
     Args:
@@ -102,7 +102,7 @@ class TwinRig:
         made = self.plant.instrument
         link = DirectLink(self.servos, self.clock)
         drive = ServoDrive(link, self.clock, motor.handles(made), motor.units(made))
-        self.actuators = Guard(drive)
+        self.actuators: Guard = Guard(drive)
         self.tracker: TwinPoseTracker | None = None
         if self.scenario.tracker:
             self.tracker = TwinPoseTracker(self.scenario.tracker, self.plant, self.clock, seed)
@@ -169,24 +169,8 @@ class TwinRig:
 
     def close(self) -> None:
         """Switch the handles off and give the OpenGL context back; may be called twice."""
-        self.actuators.close()
-        self._darkroom.shutdown()
-        if self._renderer:
-            self._renderer.close()
-
-    def __enter__(self) -> Self:
-        """Connect the handles."""
-        self.actuators.connect()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
+        drawing = [self._renderer.close] if self._renderer else []
+        close_all(self.actuators.close, self._darkroom.shutdown, *drawing)
 
     def _look(self) -> None:
         """Take what is due at this step."""

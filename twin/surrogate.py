@@ -16,8 +16,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from math import ceil, cos, exp, hypot, sin
 from pathlib import Path
-from types import TracebackType
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
@@ -25,6 +24,7 @@ from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
+from endolock.hw.lifecycle import ClosingRig
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.world.instrument import Instrument
@@ -60,7 +60,7 @@ class Moment(NamedTuple):
     board: tuple[float, float, float]
 
 
-class SurrogateRig:
+class SurrogateRig(ClosingRig):
     """A rig without pictures; vision must take the truth.
 
     Args:
@@ -91,7 +91,7 @@ class SurrogateRig:
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.clock = SurrogateClock(self)
         self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
-        self.actuators = Guard(SurrogateDrive(self.plant, self.clock, made))
+        self.actuators: Guard = Guard(SurrogateDrive(self.plant, self.clock, made))
         video = self.scenario.camera
         self.camera = renderer.tip_camera(video, self.clock, seed)
         under_way = renderer.under_way(video)
@@ -126,20 +126,6 @@ class SurrogateRig:
     def close(self) -> None:
         """Switch the handles off."""
         self.actuators.close()
-
-    def __enter__(self) -> Self:
-        """Connect the handles."""
-        self.actuators.connect()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 class SurrogateClock:

@@ -14,7 +14,6 @@ latency_s = 0.38            # from endolock latency
 
 from __future__ import annotations
 
-import tomllib
 from math import pi
 from pathlib import Path
 from typing import Self
@@ -79,27 +78,28 @@ class Bench(Section):
     @classmethod
     def _known_baud(cls, value: int) -> int:
         if value not in BAUDS[1:]:
-            raise ValueError(f"baud is {value}; use {', '.join(map(str, BAUDS[1:]))}")
+            raise ConfigError(f"baud is {value}", f"use {', '.join(map(str, BAUDS[1:]))}")
         return value
 
     @field_validator("board")
     @classmethod
     def _known_board(cls, value: str) -> str:
         if value not in boards.all_boards():
-            raise ValueError(f"board is '{value}'; use {', '.join(boards.all_boards())}")
+            raise ConfigError(f"board is '{value}'", f"use {', '.join(boards.all_boards())}")
         return value
 
     @model_validator(mode="after")
     def _usable(self) -> Self:
         first, second = (handle.id for handle in self.handles.values())
         if first == second:
-            raise ValueError(f"both handles have motor {first}; give each its own id")
+            raise ConfigError(f"both handles have motor {first}", "give each its own id")
         for axis, handle in self.handles.items():
             reach = handle.ratio * max(map(abs, handle.range_rad))
             if reach > pi:
-                raise ValueError(
-                    f"handle.{axis} may turn its motor by {reach:.2f} rad; a motor that starts "
-                    "knows its place within half a turn to either side: use a smaller range_rad"
+                raise ConfigError(
+                    f"handle.{axis} may turn its motor by {reach:.2f} rad, but a motor that starts "
+                    "knows its position only within half a turn to either side",
+                    "use a smaller range_rad",
                 )
         return self
 
@@ -122,18 +122,12 @@ def load(path: Path | None = None) -> Bench:
         if not DEFAULT_FILE.exists():
             return Bench()
         path = DEFAULT_FILE
+    values = files.read_toml(path, "bench", "write one with endolock doctor --port PORT --set-up")
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        bench = Bench.model_validate(told)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read bench {path}: {error.strerror}",
-            "endolock doctor --port PORT --set-up writes one",
-        ) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"bench {path} is not TOML: {error}", "correct the file") from None
+        bench = Bench.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(f"bench {path}: {files.first_problem(error, _keys)}") from None
+        what, next_step = files.first_problem(error, _keys)
+        raise ConfigError(f"bench {path}: {what}", next_step) from None
     camera = bench.camera
     if camera.calibration is None:
         return bench
@@ -147,12 +141,8 @@ def save(bench: Bench, path: Path) -> None:
     Raises:
         ConfigError: it cannot be written.
     """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(tomli_w.dumps(bench.model_dump(mode="json", exclude_none=True)), "utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}", "give another folder") from None
+    text = tomli_w.dumps(bench.model_dump(mode="json", exclude_none=True))
+    files.write_whole(path, text, "give another folder")
 
 
 def _keys(place: tuple[str, ...]) -> list[str]:

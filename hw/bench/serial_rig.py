@@ -17,7 +17,7 @@ from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES, TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.bus_server import BITS
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import ClosingRig
+from endolock.hw.lifecycle import ClosingRig, close_all
 
 
 class SerialRig(ClosingRig):
@@ -51,7 +51,7 @@ class SerialRig(ClosingRig):
         timeout_s = TIMEOUT_S + BITS * CYCLE_BYTES / made.baud
         self.line = Bus(serial_port(port, made.baud), self.clock, names, timeout_s)
         self.drive = ServoDrive(self.line, self.clock, made.handles)
-        self.actuators = Guard(self.drive)
+        self.actuators: Guard = Guard(self.drive)
         self.board = boards.all_boards()[made.board].geometry
         self.camera = VideoCamera(
             made.camera.source,
@@ -72,8 +72,4 @@ class SerialRig(ClosingRig):
 
     def close(self) -> None:
         """Switch the handles off, let go of port and camera; may be called twice."""
-        try:
-            self.actuators.close()
-        finally:
-            self.line.close()
-            self.camera.close()
+        close_all(self.actuators.close, self.line.close, self.camera.close)

@@ -6,7 +6,6 @@ One form for all cameras: the fields of `hw.api.Calibration`, at the top of a fi
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -14,7 +13,10 @@ import numpy as np
 import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
+from endolock.hw import files
 from endolock.hw.api import Calibration, ConfigError
+
+AGAIN = "make one with endolock calibrate"
 
 
 def read(path: Path) -> Calibration:
@@ -23,28 +25,23 @@ def read(path: Path) -> Calibration:
     Raises:
         ConfigError: there is none, or it is not one.
     """
-    try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(
-            f"cannot read calibration {path}: {error}", "make one with endolock calibrate"
-        ) from None
+    told = files.read_toml(path, "calibration", AGAIN)
     values = told.get("calibration", told)
     known = {field.name for field in fields(Calibration)}
     if unknown := set(values) - known:
         raise ConfigError(
             f"calibration {path}: unknown key {min(unknown)}",
-            f"known are {', '.join(sorted(known))}",
+            f"use {', '.join(sorted(known))}",
         )
     try:
         found = TypeAdapter(Calibration).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"calibration {path}: {place}: {first['msg']}") from None
+        raise ConfigError(f"calibration {path}: {place}: {first['msg']}", AGAIN) from None
     good = min(found.width, found.height, found.focal_px, found.aspect) > 0
     if not good or not np.isfinite([found.focal_px, *found.centre_px, *found.distortion]).all():
-        raise ConfigError(f"calibration {path}: sizes and focal length must be above 0")
+        raise ConfigError(f"calibration {path}: sizes and focal length must be above 0", AGAIN)
     return found
 
 
@@ -54,9 +51,4 @@ def write(calibration: Calibration, path: Path) -> None:
     Raises:
         ConfigError: it cannot be written.
     """
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(tomli_w.dumps(asdict(calibration)), encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}", "give another file") from None
+    files.write_whole(path, tomli_w.dumps(asdict(calibration)), "give another file")

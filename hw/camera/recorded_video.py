@@ -89,8 +89,8 @@ def times(path: Path) -> list[tuple[float, float]]:
         raise ConfigError(f"cannot read {path}: {error}", "give a CSV file") from None
     except (KeyError, ValueError, TypeError):
         raise ConfigError(
-            f"{path} needs columns t_capture, t_available or both, with a number of seconds in "
-            "every row"
+            f"{path} does not have seconds in every row of t_capture or t_available",
+            "give a CSV file with one of these columns, or both",
         ) from None
     delivered = [stamp[1] for stamp in stamps]
     if delivered != sorted(delivered) or not all(isfinite(t) for s in stamps for t in s):

@@ -71,8 +71,8 @@ class VideoCamera:
         self._asking = Lock()
         self._stop, self._settled = Event(), Event()
         self._refusal = (
-            f"no picture came from {source} (waited up to {FIRST_PICTURE_S:g} s); switch it on, "
-            "end other programs that use it, or give another source"
+            f"no picture came from {source} (waited up to {FIRST_PICTURE_S:g} s)",
+            "switch it on, end other programs that use it, or give another source",
         )
         quiet = min(cv2.utils.logging.getLogLevel(), cv2.utils.logging.LOG_LEVEL_ERROR)
         cv2.utils.logging.setLogLevel(quiet)
@@ -81,7 +81,7 @@ class VideoCamera:
         self._settled.wait(FIRST_PICTURE_S)
         if self._newest is None:
             self.close()
-            raise ConfigError(self._refusal)
+            raise ConfigError(*self._refusal)
 
     @property
     def calibration(self) -> Calibration:
@@ -137,13 +137,13 @@ class VideoCamera:
                 self._drain(reader, 1 / rate_hz)
             elif device:
                 self._refusal = (
-                    f"cannot open camera {path}; cameras here: "
-                    f"{', '.join(devices()) or 'none'}; plug it in or give another one"
+                    f"cannot open camera {path}; cameras here: {', '.join(devices()) or 'none'}",
+                    "plug it in or give another one",
                 )
             else:
                 self._refusal = (
-                    f"cannot open {path} as a video; give a camera such as /dev/video0, "
-                    "the address of a stream or a video file"
+                    f"cannot open {path} as a video",
+                    "give a camera such as /dev/video0, the address of a stream or a video file",
                 )
         finally:
             reader.release()
@@ -191,8 +191,8 @@ class VideoCamera:
             elif picture is not None and self._newest is None:
                 self._refusal = (
                     f"{self._source} gives pictures of {picture.shape[1]}x{picture.shape[0]} px, "
-                    f"its calibration is for {width}x{height}; set it to that size, or calibrate "
-                    "it as it is with endolock calibrate"
+                    f"its calibration is for {width}x{height}",
+                    "set it to that size, or calibrate it as it is with endolock calibrate",
                 )
                 return
             seq, failures = seq + 1, 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field, field_validator
 
 from endolock.hw.dynamixel.registers import LARGEST_GOAL
+from endolock.hw.errors import ConfigError
 from endolock.hw.files import Section
 
 
@@ -31,14 +32,14 @@ class Handle(Section):
     @classmethod
     def _sign(cls, value: int) -> int:
         if value not in (1, -1):
-            raise ValueError(f"direction is {value}; use 1 or -1")
+            raise ConfigError(f"direction is {value}", "use 1 or -1")
         return value
 
     @field_validator("range_rad")
     @classmethod
     def _ordered(cls, value: tuple[float, float]) -> tuple[float, float]:
         if not value[0] < value[1]:
-            raise ValueError(f"range_rad is {list(value)}; give the lower end first")
+            raise ConfigError(f"range_rad is {list(value)}", "give the lower end first")
         return value
 
     def unit_rad(self, position_rad: float) -> float:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from endolock.hw.api import ConfigError, PortBusy, PortGone
+from endolock.hw.errors import RESUME
 
 BY_ID = Path("/dev/serial/by-id")
 """Where Linux names ports by what is plugged in."""
@@ -201,7 +202,10 @@ if sys.platform == "linux":
                 )
             if error.errno in (errno.EAGAIN, errno.EBUSY):
                 return PortBusy(
-                    f"{path} is in use by another program", "end that, then connect again", t=0.0
+                    f"{path} is in use by another program",
+                    "close that program",
+                    recovery=("connect",),
+                    t=0.0,
                 )
             if isinstance(error, PermissionError):
                 return ConfigError(f"no permission to open {path}", "see endolock doctor")
@@ -214,7 +218,8 @@ if sys.platform == "linux":
         def _gone(self) -> PortGone:
             return PortGone(
                 f"{self._path} is gone; the motors hold where they are, by their own watchdog",
-                "plug it in again, then clear_fault() and enable()",
+                "plug it in again",
+                recovery=RESUME,
                 t=0.0,
             )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endolock.hw.api import ConfigError, PortBusy, PortGone
+from endolock.hw.errors import RESUME
 
 try:
     import serial
@@ -39,7 +40,8 @@ class PortablePort:
             if busy:
                 raise PortBusy(
                     f"{self.name} is in use by another program",
-                    "end that, then connect again",
+                    "close that program",
+                    recovery=("connect",),
                     t=0.0,
                 ) from None
             if "Could not configure port" in said:
@@ -92,6 +94,7 @@ class PortablePort:
     def _gone(self) -> PortGone:
         return PortGone(
             f"{self.name} is gone; the motors hold where they are, by their own watchdog",
-            "plug it in again, then clear_fault() and enable()",
+            "plug it in again",
+            recovery=RESUME,
             t=0.0,
         )

@@ -19,6 +19,8 @@ from endolock.hw.dynamixel import servo_setup
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.registers import Block, Register, Units
 from endolock.hw.dynamixel.servo_setup import Link
+from endolock.hw.errors import RESUME, add_second
+from endolock.hw.lifecycle import close_after, close_all
 
 WATCHDOG_S = 0.4
 """Without a packet for this time [s] a motor stops where it is, by itself. Assumed: twice the time
@@ -95,8 +97,8 @@ class ServoDrive:
             self._set_up()
         except DeviceFault:
             raise
-        except BaseException:
-            self._link.close()
+        except BaseException as error:
+            close_after(error, self._link.close)
             raise
 
     def recover(self) -> None:
@@ -173,7 +175,7 @@ class ServoDrive:
             try:
                 self._switch_off()
             except HardwareError as second:
-                error.add_note(f"and torque could not be switched off again: {second}")
+                add_second(error, "and torque could not be switched off again", second)
             raise
         self._on = True
 
@@ -188,7 +190,8 @@ class ServoDrive:
             raise LinkLost(
                 f"handle motor {self._name(fresh.index(False))} does not answer, so its zero is "
                 "not known",
-                "check cable and power, then home() again",
+                "check cable and power",
+                recovery=("home",),
                 t=self.clock.now(),
                 axis=self.axes[fresh.index(False)],
             )
@@ -201,18 +204,19 @@ class ServoDrive:
         Raises:
             HardwareError: a motor could not be told; its watchdog holds it.
         """
+        close_all(self._relax, self._link.close)
+
+    def _relax(self) -> None:
+        """Switch torque off; try again for `CLOSE_S` while the line is silent."""
         end = self.clock.now() + CLOSE_S
-        try:
-            while True:
-                try:
-                    self._switch_off()
-                    return
-                except LinkLost:
-                    if self.clock.now() >= end:
-                        raise
-                self.clock.sleep_until(self.clock.now() + 0.05)
-        finally:
-            self._link.close()
+        while True:
+            try:
+                self._switch_off()
+                return
+            except LinkLost:
+                if self.clock.now() >= end:
+                    raise
+            self.clock.sleep_until(self.clock.now() + 0.05)
 
     def _switch_off(self) -> None:
         """Switch the torque of all motors off, and see that it is.
@@ -248,7 +252,8 @@ class ServoDrive:
             if block is None or not fresh[place]:
                 raise LinkLost(
                     f"handle motor {self._name(place)} does not answer to a sync read",
-                    "see that its status return level is 2, then connect again",
+                    "set its status return level to 2",
+                    recovery=("connect",),
                     t=self.clock.now(),
                     axis=self.axes[place],
                 )
@@ -316,17 +321,19 @@ class ServoDrive:
             kind, what, first = known[0] if known else ("reset", *unknown)
             raise DeviceFault(
                 f"handle motor {name} stopped: {what}",
-                f"{first}, then clear_fault() and enable()",
+                first,
                 kind=kind,
+                recovery=RESUME,
                 t=now,
                 axis=axis,
             )
         if tripped:
             raise DeviceFault(
-                f"handle motor {name} stopped by itself: nothing was heard of us for "
-                f"{self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is",
-                "see what kept the program, then clear_fault() and enable()",
+                f"handle motor {name} stopped by itself: it received no packet "
+                f"for {self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is",
+                "find out what delayed the program",
                 kind="watchdog",
+                recovery=RESUME,
                 t=now,
                 axis=axis,
             )
@@ -336,7 +343,8 @@ class ServoDrive:
     def _still_on(self, place: int) -> LinkLost:
         return LinkLost(
             f"handle motor {self._name(place)} has torque though it was switched off",
-            "see that no other program drives it, then clear_fault()",
+            "end any other program that drives it",
+            recovery=("clear_fault",),
             t=self.clock.now(),
             axis=self.axes[place],
         )
@@ -356,8 +364,9 @@ class ServoDrive:
                 what = "was switched off by somebody else"
             raise DeviceFault(
                 f"handle motor {self._name(place)} {what}",
-                "check plug and supply, then clear_fault() and enable()",
+                "check plug and supply",
                 kind="reset",
+                recovery=RESUME,
                 t=self.clock.now(),
                 axis=self.axes[place],
             )

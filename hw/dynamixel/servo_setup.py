@@ -104,7 +104,8 @@ def await_restart(link: Link, clock: Clock, axis: str, device: int) -> None:
             if clock.now() >= end:
                 raise LinkLost(
                     f"handle motor {device} ({axis}) does not answer after its restart",
-                    "check its power, then clear_fault() again",
+                    "check its power",
+                    recovery=("clear_fault",),
                     t=clock.now(),
                     axis=axis,
                 ) from error

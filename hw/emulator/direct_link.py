@@ -45,6 +45,7 @@ class DirectLink:
         except Refused as refused:
             raise HardwareError(
                 f"handle motor {device} refused to write register {register.address} ({refused})",
+                "see its control table in hw/PROTOCOL.md",
                 t=self._clock.now(),
             ) from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from endolock.hw.api import PortGone
 from endolock.hw.emulator.bus_server import AnsweringBus
+from endolock.hw.errors import RESUME
 
 
 class Loopback:
@@ -50,4 +51,4 @@ class Loopback:
 
     def _check(self) -> None:
         if not self.plugged:
-            raise PortGone("loopback is gone", "plug it in again, then clear_fault()", t=0.0)
+            raise PortGone("loopback is gone", "plug it in again", recovery=RESUME, t=0.0)

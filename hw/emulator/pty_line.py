@@ -14,6 +14,7 @@ from pathlib import Path
 
 from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.port import baud_of
+from endolock.hw.files import replacing
 
 SPIN_S = 2e-4
 """The rest of a wait is spent looking at the clock [s]; the system wakes late."""
@@ -114,16 +115,10 @@ class PtyLine:
     @staticmethod
     def _point(name: str, link: Path) -> None:
         if link.exists() and not link.is_symlink():
-            raise ConfigError(f"{link} exists and is no link", "give another --link")
-        part = link.with_name(link.name + ".part")
-        try:
+            raise ConfigError(f"{link} exists and is not a link", "give another --link")
+        with replacing(link, "give another --link") as part:
             part.unlink(missing_ok=True)
             part.symlink_to(name)
-            part.replace(link)
-        except OSError as error:
-            raise ConfigError(
-                f"cannot make the link {link}: {error.strerror}", "give another --link"
-            ) from None
 
 
 def sleep_to(deadline: float) -> None:

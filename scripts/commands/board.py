@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import html
 import json
 import math
@@ -20,6 +19,7 @@ import endolock
 from endolock.hw import boards
 from endolock.hw.api import ConfigError
 from endolock.hw.boards import PrintedBoard
+from endolock.hw.files import write_whole
 from endolock.scripts.figures import board_svg
 from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.playback import Course
@@ -28,6 +28,8 @@ from endolock.twin.world.scenario import Scenario
 RATE_HZ = 100.0
 """Of the path in a page."""
 LONGEST_S = 3600.0
+OTHER = "use another --out"
+"""What to do where a file cannot be written."""
 
 _File = Annotated[tyro.conf.DisallowNone[Path | None], tyro.conf.arg(metavar="FILE")]
 _Play = Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="SCENARIO")]
@@ -52,12 +54,12 @@ def main(request: Request) -> int:
     if request.play is not None:
         scenario = scenarios.load(request.play)
         path = _named(request.out or Path(f"board-{scenario.name}.html"), ".html", "the page")
-        _write(path, page(scenario, request.kind or scenario.board.kind))
+        write_whole(path, page(scenario, request.kind or scenario.board.kind), OTHER)
         opened = endolock.has_screen() and webbrowser.open(path.resolve().as_uri())
         said = f"wrote and opened {path}" if opened else f"wrote {path}; open it in any browser"
     elif request.out is not None:
         path = _named(request.out, ".svg", "the board to print")
-        _write(path, board_svg.sheet(find(request.kind or "rings")))
+        write_whole(path, board_svg.sheet(find(request.kind or "rings")), OTHER)
         said = f"wrote {path}; print it at 100 % and measure its ruler"
     else:
         raise ConfigError(
@@ -123,15 +125,3 @@ def _named(path: Path, ending: str, what: str) -> Path:
     if path.suffix.lower() != ending:
         raise ConfigError(f"cannot write {what} as {path}", f"give --out a name in {ending}")
     return path
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file in one go; one that was there stays until the new one is complete."""
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise ConfigError(f"cannot write {path}: {error.strerror}", "use another --out") from None

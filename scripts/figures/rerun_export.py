@@ -16,7 +16,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from endolock.hw.api import AXES, ConfigError
+from endolock.hw import files
+from endolock.hw.api import AXES
 from endolock.scripts.figures.palette import (
     RGB_BLUE,
     RGB_GREEN,
@@ -42,23 +43,18 @@ def derive(folder: Path) -> Path:
     """
     ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
     configuration = run_folder.configuration(folder)
-    part, path = folder / "run.rrd.part", folder / "run.rrd"
+    path = folder / "run.rrd"
     law_shown = any(ticks["signals"].to_pylist())
-    try:
-        with rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream:
-            stream.save(part, default_blueprint=_blueprint(law_shown))
-            _still(stream, configuration)
-            centre = configuration["calibration"]["centre_px"]
-            _frames(stream, frames, centre)
-            _ticks(stream, ticks, centre)
-            stream.disconnect()
-        part.replace(path)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write {path}: {error.strerror}", "copy the folder first"
-        ) from None
-    finally:
-        part.unlink(missing_ok=True)
+    with (
+        files.replacing(path, "copy the folder first") as part,
+        rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream,
+    ):
+        stream.save(part, default_blueprint=_blueprint(law_shown))
+        _still(stream, configuration)
+        centre = configuration["calibration"]["centre_px"]
+        _frames(stream, frames, centre)
+        _ticks(stream, ticks, centre)
+        stream.disconnect()
     return path
 
 

@@ -70,8 +70,8 @@ def read(entry: str) -> Variation:
             return Variation.model_validate(values)
         except ValidationError as error:
             known = list(Variation.model_fields)
-            problem = files.first_problem(error, lambda place: [] if place else known)
-            raise ConfigError(f"disturbance {name}: {problem}") from None
+            what, next_step = files.first_problem(error, lambda place: [] if place else known)
+            raise ConfigError(f"disturbance {name}: {what}", next_step) from None
     key, _, text = entry.partition("=")
     section, _, rest = key.partition(".")
     value = _value(text)

@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import json
 import platform
-import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -31,6 +30,7 @@ import pyarrow as pa
 import tomli_w
 
 from endolock.control.loop import Seen, Tick
+from endolock.hw import files
 from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
 
 BUS_LOG = "bus.log"
@@ -238,9 +238,8 @@ class RunFolder:
 
     def finish(self, metrics: Mapping[str, Any]) -> None:
         """Write metrics.json, whole or not at all."""
-        part = self.path / "metrics.json.part"
-        part.write_text(json.dumps(metrics, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        part.replace(self.path / "metrics.json")
+        text = json.dumps(metrics, indent=2, allow_nan=False) + "\n"
+        files.write_whole(self.path / "metrics.json", text, "make room, or give another --out")
 
 
 def new_path(base: Path, name: str) -> Path:
@@ -292,15 +291,12 @@ def configuration(path: Path) -> dict[str, Any]:
         ConfigError: it is missing or damaged.
     """
     file = path / "run.toml"
-    try:
-        told = tomllib.loads(file.read_text(encoding="utf-8"))
-        if missing := {"calibration", "board"} - told.keys():
-            raise ConfigError(f"{file} has no [{missing.pop()}]", "give a run folder")
-        return told
-    except FileNotFoundError:
-        raise ConfigError(f"no run in {path}: run.toml is missing", "give a run folder") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
+    if not file.exists():
+        raise ConfigError(f"no run in {path}: run.toml is missing", "give a run folder")
+    values = files.read_toml(file, "run", "give a run folder")
+    if missing := {"calibration", "board"} - values.keys():
+        raise ConfigError(f"{file} has no [{missing.pop()}]", "give a run folder")
+    return values
 
 
 def jpeg(image: Image | None) -> bytes | None:

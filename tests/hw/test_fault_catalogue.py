@@ -115,8 +115,8 @@ CATALOGUE = {
     "host stall": Case(
         lambda b: b.wait(0.5),
         DeviceFault,
-        r"^handle motor 1 \(up_down\) stopped by itself: nothing was heard of us for 0\.4 s; it "
-        r"holds where it is; see what kept the program, " + AGAIN,
+        r"^handle motor 1 \(up_down\) stopped by itself: it received no packet for 0\.4 s; it "
+        r"holds where it is; find out what delayed the program, " + AGAIN,
         "up_down",
         "watchdog",
     ),
@@ -154,7 +154,7 @@ CATALOGUE = {
     "emergency stop": Case(
         lambda b: b.guard.estop("the button was pressed"),
         DeviceFault,
-        r"^stopped: the button was pressed; see to it, " + AGAIN,
+        r"^stopped: the button was pressed; remove the cause, " + AGAIN,
         None,
         "estop",
     ),

@@ -47,9 +47,13 @@ def test_connecting_leaves_the_motors_off(make: Make) -> None:
 
 def test_nothing_works_before_connect(make: Make) -> None:
     guard = make()
-    with pytest.raises(StateError, match=r"^cannot exchange before connect\(\)$"):
+    with pytest.raises(
+        StateError, match=r"^cannot exchange while disconnected; call connect\(\) first$"
+    ):
         guard.exchange(None)
-    with pytest.raises(StateError, match=r"^cannot enable before connect\(\)$"):
+    with pytest.raises(
+        StateError, match=r"^cannot enable while disconnected; call connect\(\) first$"
+    ):
         guard.enable()
 
 
@@ -104,7 +108,7 @@ def test_an_expired_command_becomes_a_hold(guard: Guard) -> None:
 def test_home_makes_here_the_zero(guard: Guard) -> None:
     guard.enable()
     away = follow(guard, (0.4, -0.3), 0.5)[-1].position
-    with pytest.raises(StateError, match=r"^cannot home while enabled; disable\(\) first$"):
+    with pytest.raises(StateError, match=r"^cannot home while enabled; call disable\(\) first$"):
         guard.home()
     assert guard.exchange(None).position == pytest.approx(away, abs=STEP_RAD)  # refused
     guard.disable()
@@ -122,7 +126,7 @@ def test_close_may_be_called_twice(guard: Guard) -> None:
     guard.close()
     guard.close()
     assert guard.mode is Mode.DISCONNECTED
-    with pytest.raises(StateError, match="before connect"):
+    with pytest.raises(StateError, match="while disconnected"):
         guard.exchange(None)
 
 

@@ -46,7 +46,7 @@ def test_a_following_error_latches_until_cleared(make: Make, sign: int) -> None:
         with pytest.raises(DeviceFault) as again:
             guard.exchange(None)
         assert again.value is caught.value
-        with pytest.raises(StateError, match=r"^cannot enable: .*call clear_fault\(\) first$"):
+        with pytest.raises(StateError, match=r"^cannot enable: .*, then clear_fault\(\)$"):
             guard.enable()
         guard.disable()
         assert guard.mode is Mode.FAULT  # switching off does not forget
@@ -206,7 +206,9 @@ def test_a_fault_while_enabling_is_latched(bench: BenchDrive) -> None:
         guard.close()
         guard.connect()
         assert guard.mode is Mode.FAULT  # closing does not forget either
-        with pytest.raises(StateError, match=r"^cannot home while fault; clear_fault\(\) first$"):
+        with pytest.raises(
+            StateError, match=r"^cannot home while fault; call clear_fault\(\) first$"
+        ):
             guard.home()
 
 

@@ -71,7 +71,7 @@ def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
         ("focal_px = -3.0", "must be above 0"),
         ('projection = "orthographic"', "projection"),
         ("focal = 3.0", "unknown key focal"),
-        ("width", "cannot read calibration"),
+        ("width", "is not TOML"),
     ],
 )
 def test_a_bad_file_is_one_line(tmp_path: Path, change: str, why: str) -> None:

@@ -7,14 +7,14 @@ the twin's scene through the twin's optics.
 from __future__ import annotations
 
 from math import cos, radians, sin
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from endolock.hw import boards
 from endolock.hw.api import Frame, Image, Vector
+from endolock.hw.lifecycle import Closing
 from endolock.twin.camera import optics, renderer, stage
 from endolock.twin.model import scene
 from endolock.twin.world.instrument import Instrument
@@ -43,7 +43,7 @@ class BoardStill(NamedTuple):
     """Depth of the target [m]."""
 
 
-class Studio:
+class Studio(Closing):
     """Takes stills.
 
     Args:
@@ -92,19 +92,6 @@ class Studio:
     def close(self) -> None:
         """Give the OpenGL context back."""
         self._renderer.close()
-
-    def __enter__(self) -> Self:
-        """Nothing to do."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _draw(self, place: Place, t: float) -> Image:
         points = [place.position, *(plate.position(t) for plate in self._plates)]

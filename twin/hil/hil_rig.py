@@ -30,7 +30,7 @@ from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import ClosingRig
+from endolock.hw.lifecycle import ClosingRig, close_all
 from endolock.twin.hil.hil_server import Ready, Setup
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
@@ -108,7 +108,7 @@ class HilRig(ClosingRig):
         timeout_s = TIMEOUT_S if wall else LOCK_STEP_TIMEOUT_S
         self.line = Bus(serial_port(ready.port, BAUD), self.clock, names, timeout_s)
         self.drive = ServoDrive(self.line, self.clock, handles, motor.units(made))
-        self.actuators = Guard(self.drive)
+        self.actuators: Guard = Guard(self.drive)
         self.camera = _FarCamera(self._far, "frame", ready.calibration)
         self.overview: _FarCamera | None = None
         if ready.overview is not None:
@@ -126,11 +126,7 @@ class HilRig(ClosingRig):
 
     def close(self) -> None:
         """Switch the handles off and end the far end; may be called twice."""
-        try:
-            self.actuators.close()
-        finally:
-            self.line.close()
-            self._far.close()
+        close_all(self.actuators.close, self.line.close, self._far.close)
 
 
 class _Far:
@@ -181,13 +177,11 @@ class _Far:
         except (EOFError, ConnectionError):
             raise HardwareError(
                 "the emulated bench has ended by itself",
-                "see its message above, then run again",
+                "read its message above, then start again",
                 t=0.0,
             ) from None
-        if kind == "ConfigError":
-            raise ConfigError(value)
-        if kind == "LookupError":
-            raise LookupError(value)
+        if kind == "error":
+            raise value
         return value
 
 

@@ -185,10 +185,10 @@ class HilServer:
     def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
         try:
             return "done", getattr(self, f"on_{name}")(*args)
-        except (ConfigError, ValueError) as error:
-            return "ConfigError", str(error)
-        except LookupError as error:
-            return "LookupError", str(error)
+        except (ConfigError, LookupError) as error:
+            return "error", error
+        except ValueError as error:
+            return "error", ConfigError(str(error))
 
     def on_sleep(self, t: float) -> float:
         """Go on to a time [s]."""
@@ -231,7 +231,7 @@ def main(descriptor: int) -> int:
     try:
         end = HilServer(channel.recv())
     except ConfigError as error:
-        channel.send(("ConfigError", str(error)))
+        channel.send(("error", error))
         return 2
     try:
         channel.send(("done", end.ready()))

@@ -42,8 +42,8 @@ def load(source: str | Path) -> Instrument:
         impossible = error.errors()[0].get("ctx", {}).get("error")
         if isinstance(impossible, ConfigError):
             raise ConfigError(f"{impossible}, in {source}") from None
-        problem = files.first_problem(error, lambda _place: list(meanings()))
-        raise ConfigError(f"instrument {name}: {problem}") from None
+        what, next_step = files.first_problem(error, lambda _place: list(meanings()))
+        raise ConfigError(f"instrument {name}: {what}", next_step) from None
 
 
 def dump(instrument: Instrument, header: str) -> str:

@@ -119,8 +119,8 @@ def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scen
     except ValidationError as error:
         parts = reversed(list(SECTIONS))  # where several have a key, the first is proposed
         elsewhere = {key: f"{part}.{key}" for part in parts for key in _keys((part,))}
-        problem = files.first_problem(error, _keys, elsewhere)
-        raise ConfigError(f"scenario {name}: {problem}") from None
+        what, next_step = files.first_problem(error, _keys, elsewhere)
+        raise ConfigError(f"scenario {name}: {what}", next_step) from None
 
 
 def loaded(source: str | Path | Scenario) -> Scenario:

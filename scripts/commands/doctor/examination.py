@@ -134,8 +134,7 @@ def attempt(name: str, check: Callable[[], Finding], advice: str) -> Finding:
     except ModuleNotFoundError as error:
         return Finding(name, False, str(error), ALL)
     except ConfigError as error:
-        # Ours end with what to do next; here that depends on the check.
-        return Finding(name, False, str(error).rpartition("; ")[0] or str(error), advice)
+        return Finding(name, False, error.what, advice)  # what to do depends on the check
     except Exception as error:
         return Finding(name, False, f"{type(error).__name__}: {error}", advice)
 

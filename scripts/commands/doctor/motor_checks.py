@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from endolock.hw.api import ConfigError, EndolockError, LinkLost, PortGone
+from endolock.hw.api import ConfigError, EndolockError, LinkLost, PortBusy, PortGone
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
@@ -63,16 +63,22 @@ class FoundMotor:
         return MODELS.get(self.model, f"model {self.model}")
 
 
-def refused(name: str, error: EndolockError) -> Finding:
-    """Turn an error into a finding; ours end with what to do next."""
-    text, _, advice = str(error).partition("; ")
+def refused(name: str, error: EndolockError, advice: str = "") -> Finding:
+    """Turn an error into a finding.
+
+    Args:
+        name: of the check.
+        error: what went wrong.
+        advice: what to do, where that is other than the error says.
+    """
     if isinstance(error, PortGone):
         advice = "plug it in, and give a port that the row serial lists"
-    elif isinstance(error, LinkLost) and "endolock doctor" in advice:  # that is us
+    elif isinstance(error, LinkLost):
         advice = "check power and cable, then run this again"
-    elif "endolock doctor" in advice:
-        advice = "see what the row serial says of it, or give a port that it lists"
-    return Finding(name, False, text, advice or "correct that, then run this again")
+    elif isinstance(error, PortBusy):
+        advice = f"{error.next_step}, then run this again"
+    step = advice or error.next_step or "correct that, then run this again"
+    return Finding(name, False, error.what, step)
 
 
 def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> list[FoundMotor]:
@@ -200,7 +206,7 @@ CHECKS = (
         "hardware error",
         _errors,
         lambda m: m.hardware_error != 0,
-        "do that, then switch the motors' supply off and on, or clear_fault()",
+        "do that, then switch the motors' supply off and on",
     ),
     MotorCheck(
         "watchdog",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from endolock.hw.api import AXES, ConfigError, EndolockError, LinkLost
+from endolock.hw.api import AXES, ConfigError, EndolockError, LinkError, LinkLost
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench, Handles
 from endolock.hw.bench.wall_clock import WallClock
@@ -135,7 +135,7 @@ def _await(bus: Bus, device: int) -> None:
     """Wait until a motor answers.
 
     Raises:
-        LinkLost: it does not.
+        LinkError: it does not.
     """
     clock = WallClock()
     while True:
@@ -144,7 +144,7 @@ def _await(bus: Bus, device: int) -> None:
             return
         except LinkLost:
             if clock.now() >= RESTART_S:
-                raise LinkLost(
+                raise LinkError(
                     f"motor {device} does not answer at {BAUD} baud any more",
                     "switch the motors' supply off and on, then run this again",
                     t=clock.now(),

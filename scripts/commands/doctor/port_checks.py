@@ -24,6 +24,8 @@ from endolock.scripts.commands.doctor.motor_checks import (
 
 TIMER_MS = 1
 """The shortest time for which an FTDI adapter keeps what came before it hands it on [ms]."""
+OTHER_PORT = "see what the row serial says of it, or give a port that it lists"
+"""What to do where a port cannot be opened."""
 UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"
 UDEV_RULE = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'
 
@@ -101,9 +103,12 @@ def examine(
     """
     findings: list[Finding] = []
     line: Port | None = None
+    advice = ""
     try:
         line = serial_port(path, BAUD)
+        advice = OTHER_PORT
         line.open()
+        advice = ""
         findings.append(Finding("port", True, _opened(path, by_id)))
         motors = motor_checks.look(line, tell, searches_s)
         if change:
@@ -112,7 +117,7 @@ def examine(
             motors = motor_checks.look(line, tell, searches_s)
         findings += motor_checks.judge(motors, path)
     except EndolockError as error:
-        findings.append(refused("motors" if findings else "port", error))
+        findings.append(refused("motors" if findings else "port", error, advice))
     finally:
         if line:
             line.close()

@@ -91,8 +91,8 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("t_available\n0.0\nx\n", "needs columns t_capture, t_available or both"),
-        ("when\n0.0\n", "needs columns"),
+        ("t_available\n0.0\nx\n", "does not have seconds in every row of t_capture or"),
+        ("when\n0.0\n", "give a CSV file with one of these columns, or both"),
         ("t_capture\n0.2\n0.1\n", "time runs backwards"),
         ("t_capture\n0.2\nnan\n", "time runs backwards or is not finite"),
     ],

@@ -188,7 +188,7 @@ def test_more_than_the_line_holds_is_sent_whole(port: Port, line: PtyLine) -> No
 
 
 def test_a_second_owner_is_turned_away(make: Make, port: Port, line: PtyLine) -> None:
-    message = f"^{port.name} is in use by another program; end that, then connect again$"
+    message = f"^{port.name} is in use by another program; close that program, then connect\\(\\)$"
     with pytest.raises(PortBusy, match=message):
         make(line.path).open()
     port.send(b"mine")

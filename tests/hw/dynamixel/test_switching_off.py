@@ -107,7 +107,9 @@ def test_torque_that_somebody_else_switched_on_is_told() -> None:
     bench = Emulated()
     with bench.guard as guard:
         bench.servos[1].write(reg.TORQUE_ENABLE.address, b"\x01")
-        text = r"^handle motor 2 \(left_right\) has torque though it was switched off; see that no "
+        text = (
+            r"^handle motor 2 \(left_right\) has torque though it was switched off; end any other "
+        )
         with pytest.raises(LinkLost, match=text):
             bench.follow(1)
         guard.clear_fault()

@@ -41,7 +41,7 @@ def test_what_is_no_link_is_not_replaced(tmp_path: Path) -> None:
     file = tmp_path / "handles"
     file.write_text("keep me")
     before = len(list(Path("/proc/self/fd").iterdir()))
-    message = f"^{file} exists and is no link; give another --link$"
+    message = f"^{file} exists and is not a link; give another --link$"
     with pytest.raises(ConfigError, match=message):
         PtyLine(file)
     assert file.read_text() == "keep me"
@@ -50,7 +50,7 @@ def test_what_is_no_link_is_not_replaced(tmp_path: Path) -> None:
 
 def test_a_link_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     link = tmp_path / "none" / "handles"
-    message = f"^cannot make the link {link}: No such file or directory; give another --link$"
+    message = f"^cannot write {link}: No such file or directory; give another --link$"
     with pytest.raises(ConfigError, match=message):
         PtyLine(link)
 

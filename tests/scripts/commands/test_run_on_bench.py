@@ -181,7 +181,7 @@ def test_a_stopped_run_that_goes_on_ends_with_the_watchdog(emulator: Path, tmp_p
     process.send_signal(signal.SIGCONT)
     _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 3
-    assert "stopped by itself: nothing was heard of us for 0.4 s" in said
+    assert "stopped by itself: it received no packet for 0.4 s" in said
     assert run_folder.read(folder, "ticks").num_rows > 10
 
 

@@ -108,7 +108,7 @@ def test_every_scenario_says_what_it_is_and_starts_its_events_in_time(name: str)
         ("[tracker]\nrate_hz = 0", "tracker.rate_hz: should be greater than 0, got 0"),
         ("[[shafts]]", "unknown key shafts; did you mean shaft?"),
         ("[shaft]\nby_deg = 1", "shaft: there may be several; write [[shaft]]"),
-        ("[[tracker]]", "tracker: there is one only; write [tracker]"),
+        ("[[tracker]]", "tracker: there is only one; write [tracker]"),
         ("[[motion]]\ntravel_m = 1", "motion.0: 'kind' is missing"),
         ("[[push]]\nforce = 1", "unknown key push.0.force; did you mean push.0.force_n?"),
         (f"{BEND}angle = 3", "unknown key shaft.0.angle; known are start_s, over_s, kind, by_deg"),

@@ -247,7 +247,7 @@ def test_looking_asks_and_changes_nothing() -> None:
             {"hardware_error": 0x24},
             "1: none, 2: it is too hot (overheat): let it cool, its load is too high for too long "
             "(overload): free the handle",
-            "do that, then switch the motors' supply off and on, or clear_fault()",
+            "do that, then switch the motors' supply off and on",
         ),
         (
             "watchdog",
@@ -371,7 +371,7 @@ def test_a_port_that_another_program_has_is_a_red_row() -> None:
                 "port",
                 False,
                 f"{served.path} is in use by another program",
-                "end that, then connect again",
+                "close that program, then run this again",
             )
         ]
 
@@ -405,7 +405,7 @@ def test_a_port_that_is_unplugged_meanwhile_is_a_red_row() -> None:
         Finding(
             "motors",
             False,
-            f"{path} is gone",
+            f"{path} is gone; the motors hold where they are, by their own watchdog",
             "plug it in, and give a port that the row serial lists",
         )
     ]
