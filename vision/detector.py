@@ -13,9 +13,6 @@ from endolock.hw.api import BoardGeometry, Image, Vector
 
 Marker = tuple[Vector, int]
 """Corners (4x2 [px]) and id."""
-NOISY = 5.0
-"""Smooth a picture with more noise than this [grey levels]: at 20 it would take ten times as
-long, for every speck is a candidate."""
 
 
 class MarkerDetector:
@@ -44,21 +41,3 @@ class MarkerDetector:
             for corners, i in zip(found, numbers, strict=True)
             if i in self._known and numbers.count(i) == 1
         ]
-
-
-def grey_of(image: Image) -> Image:
-    """Return a colour picture in grey, smoothed where it is noisy."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    if _noise(grey) > NOISY:
-        grey = cv2.GaussianBlur(grey, (3, 3), 0)
-    return np.asarray(grey, np.uint8)
-
-
-def _noise(grey: np.ndarray) -> float:
-    """Standard deviation of the noise in a picture [grey levels], from some of its rows.
-
-    The median of |second difference| is 0.6745 sqrt(6) times that of white noise; edges are few
-    and do not move a median.
-    """
-    rows = grey[::24].astype(np.int16)
-    return float(np.median(np.abs(rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]))) / 1.652

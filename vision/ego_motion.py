@@ -18,6 +18,7 @@ import numpy as np
 
 from endolock.hw.api import Calibration, Frame, Image, Vector
 from endolock.vision import camera_model, refusal
+from endolock.vision.grey import grey_of
 
 POINTS = 150
 MIN_POINTS = 12
@@ -77,7 +78,7 @@ class EgoMotion:
         why = refusal.reason(frame, self._calibration)
         if why or frame.image is None:
             return why
-        grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        grey = grey_of(frame.image)
         before, self._before = self._before, (frame.seq, grey)
         if before is None:
             return "no frame before"

@@ -18,7 +18,8 @@ import numpy as np
 from endolock.hw.api import BoardGeometry, Calibration, Frame, Image
 from endolock.vision import board_pose, camera_model, refusal
 from endolock.vision.board_pose import BoardPose
-from endolock.vision.detector import Marker, MarkerDetector, grey_of
+from endolock.vision.detector import Marker, MarkerDetector
+from endolock.vision.grey import grey_of, smoothed
 from endolock.vision.observation import Lock, Observation
 
 MIN_MARKERS = 2
@@ -91,7 +92,7 @@ class MarkerEyes:
         if why or frame.image is None:
             self._near = []
             return [], why
-        grey = grey_of(frame.image)
+        grey = smoothed(grey_of(frame.image))
         if self._near:
             found = self._in_region(grey)
             fit = self.fit(found)

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.vision import camera_model, refusal
 from endolock.vision.feature_tracker import FeatureTracker
+from endolock.vision.grey import grey_of
 from endolock.vision.marker_eyes import BoardFit, MarkerEyes
 from endolock.vision.observation import Lock, Observation
 
@@ -61,7 +61,7 @@ class TrackEyes:
         why = refusal.reason(frame, self._calibration)
         if why or frame.image is None:
             return replace(blank, status=self._lock.step(False), why=why)
-        grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        grey = grey_of(frame.image)
         found, fit = self._markers.look(frame)
         corners = tuple((float(u), float(v)) for four, _ in found for u, v in four)
         if self._tracker is None:

@@ -13,7 +13,8 @@ from endolock.hw.api import ConfigError
 from endolock.hw.camera import camera_file
 from endolock.scripts.runs import output, recordings
 from endolock.vision import calibration as calibrations
-from endolock.vision.detector import Marker, MarkerDetector, grey_of
+from endolock.vision.detector import Marker, MarkerDetector
+from endolock.vision.grey import grey_of, smoothed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ def main(request: Request) -> int:
                     f"pictures of {request.source} differ in size", "give one camera's"
                 )
             size = width, height
-            views.append(detect(grey_of(frame.image)))
+            views.append(detect(smoothed(grey_of(frame.image))))
     with err.status("calibrating"):
         found = calibrations.calibrate(views, recording.board, size or (0, 0), request.projection)
     camera_file.write(found, request.out)

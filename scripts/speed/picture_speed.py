@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 
@@ -15,6 +14,7 @@ from endolock.twin.camera.renderer import Renderer
 from endolock.twin.model import scene
 from endolock.twin.rig import TwinRig
 from endolock.vision.feature_tracker import FeatureTracker
+from endolock.vision.grey import grey_of
 from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.track_eyes import HALF_PX
 
@@ -37,7 +37,7 @@ def vision() -> dict[str, Any]:
     """One observation of the marker board, and one step of the markerless tracker."""
     frame, eyes = _frame_and_eyes()
     assert frame.image is not None
-    grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), np.uint8)
+    grey = grey_of(frame.image)
     tracker = FeatureTracker(grey, eyes(frame).target_px, (HALF_PX, HALF_PX))
     markers_s, tracker_s = median_times(
         lambda: eyes(frame), lambda: tracker.step(grey), repeat=60, warm_up=True

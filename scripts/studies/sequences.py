@@ -17,6 +17,7 @@ import numpy as np
 from endolock.hw.api import Image
 from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.world import scenario as scenarios
+from endolock.vision.grey import grey_of
 
 RATE_HZ = 25.0
 DISTANCE_M = 0.12
@@ -134,7 +135,7 @@ def occluded(kind: Occlusion, frames: int = 200) -> Iterator[LabelledPicture]:
 def _grey(image: Image | None) -> Image:
     if image is None:
         raise ValueError("the frame carries no picture")
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+    return grey_of(image)
 
 
 def _overlap(middle: np.ndarray, half: np.ndarray, target: np.ndarray) -> float:

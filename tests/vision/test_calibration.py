@@ -12,7 +12,8 @@ from endolock.hw.camera import camera_file
 from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.world import scenario
 from endolock.vision import calibration
-from endolock.vision.detector import Marker, MarkerDetector, grey_of
+from endolock.vision.detector import Marker, MarkerDetector
+from endolock.vision.grey import grey_of, smoothed
 
 FISHEYE = {"camera.projection": "equidistant", "camera.mask": "octagon"}
 
@@ -100,5 +101,5 @@ def _views(
             tilt, axis, roll = random.uniform([-tilt_deg, 0, -40], [tilt_deg + 0.1, 180, 40])
             still = studio.take(Place((x, y, distance), tilt, axis, roll))
             assert still.frame.image is not None
-            views.append(detect(grey_of(still.frame.image)))
+            views.append(detect(smoothed(grey_of(still.frame.image))))
         return replace(studio.calibration), studio.board, views

@@ -9,7 +9,8 @@ from endolock.hw import boards
 from endolock.twin.camera.stills import Place, Studio
 from endolock.twin.model import drawing
 from endolock.twin.world import scenario
-from endolock.vision.detector import MarkerDetector, grey_of
+from endolock.vision.detector import MarkerDetector
+from endolock.vision.grey import grey_of, smoothed
 from endolock.vision.marker_eyes import MarkerEyes
 
 
@@ -20,7 +21,7 @@ def test_every_marker_is_found_in_the_print(kind: str) -> None:
     found = {}
     for side_m, texels in ((boards.SIZE_M, drawing.TEXELS_PER_MM), (0.044, 24)):
         picture = drawing.picture(printed, side_m, texels)
-        for corners, i in MarkerDetector(geometry)(grey_of(picture)):
+        for corners, i in MarkerDetector(geometry)(smoothed(grey_of(picture))):
             wanted = (geometry.corners()[i][:, :2] + side_m / 2) * 1e3 * texels - 0.5
             # edges lie between texels; corners of sharp squares are found to half a texel
             assert corners == pytest.approx(wanted, abs=0.75)
