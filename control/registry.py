@@ -1,4 +1,4 @@
-"""The control laws by name, and what can be set of each."""
+"""The controllers by name, and the settings of each."""
 
 from __future__ import annotations
 
@@ -25,38 +25,46 @@ from endolock.control.predictive.predictive_lock import (
     PredictiveSettings,
     SinglePredictiveSettings,
 )
-from endolock.control.user_law import PlugIn
+from endolock.control.user_law import UserController
 from endolock.hw.api import Calibration, ConfigError, Truth
 
 
 class Law(NamedTuple):
-    """How a law is made."""
+    """How a controller is made."""
 
     make: Callable[..., Controller]
     """From the calibration of the tip camera and the settings."""
     settings: type[Any]
     """What can be set: a dataclass."""
+    summary: str
+    """What it does, for help texts."""
 
 
 LAWS: dict[str, Law] = {
-    "ik": Law(InverseKinematics, IKSettings),
-    "ik_sync": Law(SynchronousIK, IKSyncSettings),
-    "oracle": Law(Oracle, OracleSettings),
-    "pi": Law(PI, PISettings),
-    "pi_hc": Law(compensation.pi_hc, compensation.PIHCSettings),
-    "pi_simc": Law(SimcPI, SimcSettings),
-    "pi_simc_hc": Law(compensation.pi_simc_hc, compensation.SimcHCSettings),
-    "predictive": Law(Predictive, SinglePredictiveSettings),
-    "predictive_bank": Law(Predictive, PredictiveSettings),
-    "repetitive": Law(Repetitive, RepetitiveSettings),
-    "smith": Law(Smith, SmithSettings),
-    "still": Law(Still, StillSettings),
+    "still": Law(Still, StillSettings, "holds the handles: the cost of doing nothing"),
+    "pi": Law(PI, PISettings, "PI on the pixel error, the thesis' first"),
+    "pi_hc": Law(compensation.pi_hc, compensation.PIHCSettings, "pi with hysteresis compensation"),
+    "pi_simc": Law(SimcPI, SimcSettings, "PI tuned by SIMC"),
+    "pi_simc_hc": Law(compensation.pi_simc_hc, compensation.SimcHCSettings, "pi_simc with it"),
+    "ik": Law(InverseKinematics, IKSettings, "inverse kinematics for an assumed distance"),
+    "ik_sync": Law(SynchronousIK, IKSyncSettings, "ik on the bend at the exposure"),
+    "smith": Law(Smith, SmithSettings, "PI with a Smith predictor"),
+    "repetitive": Law(Repetitive, RepetitiveSettings, "learns a motion of known period"),
+    "predictive": Law(Predictive, SinglePredictiveSettings, "internal model, one predictor"),
+    "predictive_bank": Law(Predictive, PredictiveSettings, "internal model, a bank of predictors"),
+    "oracle": Law(Oracle, OracleSettings, "knows the truth: a floor, not a controller"),
 }
-"""Adding one here is all it takes."""
+"""The one list of controllers; help texts are made from it."""
+
+
+def help_text() -> str:
+    """List all controllers with what they do, for the help of a command."""
+    listed = "; ".join(f"{name} ({law.summary})" for name, law in LAWS.items())
+    return f"Controller: {listed}; or a .py file that defines make(calibration)."
 
 
 def check(name: str) -> None:
-    """See that there is a law of that name, or a file that makes one.
+    """Check that there is a controller of that name, or a file that makes one.
 
     Raises:
         ConfigError: there is none.
@@ -73,22 +81,23 @@ def check(name: str) -> None:
 def configure(
     name: str, changes: Mapping[str, Any] | None = None, known: Mapping[str, Any] | None = None
 ) -> Any:
-    """Return the settings of a law.
+    """Return the settings of a controller.
 
     Args:
-        name: one of `LAWS`.
-        changes: what differs from the defaults, by name; it must fit the law.
-        known: what is known of the task, by name; it is used where the law has such a setting that
-            is not changed.
+        name: one of `LAWS`, or a file.
+        changes: what differs from the defaults, by name.
+        known: what is known of the task, by name; used where the controller has such a setting and
+            it is not changed.
+
+    Returns:
+        Its settings; of a file the changed parameters of its `make`, by name.
 
     Raises:
         ConfigError: a name or value cannot be used, or something that has no default is missing.
     """
     check(name)
     if name.endswith(user_law.SUFFIX):
-        if changes:
-            raise ConfigError(f"{name} is a law of your own", "set its parameters in the file")
-        return None
+        return user_law.load(name).configure(changes or {})
     settings = LAWS[name].settings
     names = [field.name for field in fields(settings)]
     for key in changes or {}:
@@ -115,35 +124,57 @@ def configure(
 def make(
     name: str, calibration: Calibration, settings: Any = None, truth: Truth | None = None
 ) -> Controller:
-    """Make a law.
+    """Make a controller.
 
     Args:
         name: one of `LAWS`, or a file that makes one.
         calibration: of the tip camera.
         settings: from `configure`; the defaults if None.
-        truth: of the rig; only the oracle is handed it.
+        truth: of the rig; only the oracle uses it.
 
     Raises:
-        ConfigError: there is no such law, or the oracle is asked for where there is no truth.
+        ConfigError: there is no such controller, or there is no truth for the oracle.
     """
     if name.endswith(user_law.SUFFIX):
-        return PlugIn(name, calibration)
+        return user_law.load(name).make(calibration, settings or {})
     settings = configure(name) if settings is None else settings
     if LAWS[name].make is Oracle:
         if truth is None:
             raise ConfigError(
-                "the oracle needs the truth, which only a twin has", "use another law"
+                "the oracle needs the truth, which only a twin has", "use another controller"
             )
         return Oracle(calibration, settings, truth.now)
     return LAWS[name].make(calibration, settings)
 
 
+def adopt(controller: Any, calibration: Calibration) -> Controller:
+    """Take a controller that was made in Python, or what makes one.
+
+    Args:
+        controller: an object with `reset` and `update`, or a class or function that returns one
+            from the calibration.
+        calibration: of the tip camera.
+
+    Raises:
+        ConfigError: it lacks a method.
+    """
+    if isinstance(controller, type) or not hasattr(controller, "update"):
+        if not callable(controller):
+            raise ConfigError(
+                f"controller {controller!r} has no update()",
+                "give a name, a file, or an object with reset(state) and "
+                "update(t, state, observation)",
+            )
+        controller = controller(calibration)
+    return UserController(controller)
+
+
 def save(controller: Controller) -> dict[str, Any]:
-    """Return all that a law of ours remembers, as plain values that JSON can hold."""
+    """Return the memory of one of `LAWS`, as plain values that JSON can hold."""
     return asdict(controller.memory)  # type: ignore[attr-defined]
 
 
 def restore(controller: Controller, values: Mapping[str, Any]) -> None:
-    """Let a law of ours, made with the same settings, go on where `save` was called."""
+    """Continue where `save` was called, with a controller made with the same settings."""
     kind = type(controller.memory)  # type: ignore[attr-defined]
     controller.memory = TypeAdapter(kind).validate_python(values)  # type: ignore[attr-defined]

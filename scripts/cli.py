@@ -42,8 +42,8 @@ def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
         return _fail(for_people(error), 3)
     except EndolockError as error:
         return _fail(for_people(error), 2)
-    except KeyboardInterrupt:
-        return _fail("interrupted", 130)
+    except KeyboardInterrupt as stop:
+        return _fail(f"interrupted {stop}", 130)
     except SystemExit as stop:  # --help
         return int(stop.code or 0)
     except BrokenPipeError:

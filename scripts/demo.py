@@ -16,21 +16,23 @@ def main(args: list[str]) -> int:
     from endolock.scripts.commands import compare
     from endolock.scripts.figures import rerun_export, strip
     from endolock.scripts.runs import output, record_table, run_folder
+    from endolock.scripts.runs.experiment import RUNS, run_all
 
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    place = request.out or run_folder.new_path(Path("runs"), "demo")
-    records, folders = compare.perform(request, place)
-    moving = (f for f, r in zip(folders, records, strict=True) if r["controller"] != "still")
-    first = next(moving, folders[0])
+    place = request.out or run_folder.new_path(RUNS, "demo")
+    series = run_all(compare.plan(request, place))
+    records = series.records
+    moving = (record for record in records if record.controller != "still")
+    first = next(moving, records[0]).folder
     results: dict[str, Path | str] = {}
     with console.status("writing errors.png, strip.png and run.rrd"):
-        results["error over time"] = compare.draw(records, folders, place / "errors.png")
+        results["error over time"] = compare.draw(records, place / "errors.png")
         if strip.pictures(first):
             results["what the tip camera saw"] = strip.write(first, place / "strip.png")
         rerun_export.derive(first)
-    output.write_json({"rows": records}, request.json)
+    output.write_json({"rows": [record.as_dict() for record in records]}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
         for line in record_table.legend(records):
@@ -38,7 +40,8 @@ def main(args: list[str]) -> int:
         results["look into a run"] = f"./run endolock view {first}"
         for what, where in results.items():
             console.print(f"{what}: {where}", soft_wrap=True, highlight=False, markup=False)
-    return 130 if records[-1]["interrupted"] else 0
+    series.conclude()
+    return 0
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ class CompensationSettings:
     """sign, ramp: a slower v rests [rad/s], >= 0. That there is a switch-off: thesis, fig. 6.8.
     Its size: of 0.005, 0.01, 0.02 and 0.05 the smallest with which an axis whose target rests does
     not ring at 1 px of noise, ten times that of markers
-    (scripts/thesis/controller_calibration.py)."""
+    (scripts/studies/controller_calibration.py)."""
     reversal_rad: float = 0.01
     """play: half-width of the play that finds the direction [rad], > 0. Assumed."""
     ramp_s: float = 0.4

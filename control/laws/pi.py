@@ -30,7 +30,7 @@ class PISettings:
     kp: float = 0.1
     """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, on the thesis' stroke peaks
     and what compensation gains, for 12 cm, among gains with which the tip follows and that leave
-    a gain margin of 1.5 (scripts/thesis/controller_calibration.py); its own gains are not in the
+    a gain margin of 1.5 (scripts/studies/controller_calibration.py); its own gains are not in the
     excerpt."""
     ki: float = 1.6
     """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""

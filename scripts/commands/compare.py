@@ -15,9 +15,11 @@ from rich.console import Console
 
 from endolock.control import registry
 from endolock.hw.api import ConfigError
-from endolock.scripts.commands import run
+from endolock.scripts.commands.run import INSTRUMENT
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import output, overrides, record_table, rigs, run_folder, theory
+from endolock.scripts.runs.experiment import RUNS, Experiment, run_all
+from endolock.scripts.runs.run_record import RunRecord
 from endolock.vision.observation import Status
 
 
@@ -39,16 +41,11 @@ class Request:
     thesis: bool = False
     """Draw figures 6.4 to 6.8 of the thesis again, and check what its excerpt states; of the
     options, only vision, json and out count."""
-    rig: str = "twin"
-    """What to drive: twin, hil, hil:wall, serial:PORT, surrogate, play or quasi_static, as for
-    run."""
+    rig: Annotated[str, tyro.conf.arg(help=rigs.rig_help())] = "twin"
     bench: tyro.conf.DisallowNone[Path | None] = None
     """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
-    vision: str = "markers"
-    """markers: find the board in the pictures; track: follow the target without markers; truth: no
-    pictures, exact projections, faster."""
-    instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
+    vision: Annotated[str, tyro.conf.arg(help=rigs.vision_help())] = "markers"
+    instrument: Annotated[str, tyro.conf.arg(help=INSTRUMENT)] = "pretensioned"
     duration_s: tyro.conf.DisallowNone[float | None] = None
     """How long each run is [s]; else the scenario's."""
     scored_from_s: tyro.conf.DisallowNone[float | None] = None
@@ -63,35 +60,33 @@ class Request:
 def main(request: Request) -> int:
     """Carry out `endolock compare`; return the exit code."""
     output.check_json(request.json)
-    place = request.out or run_folder.new_path(Path("runs"), "compare")
+    place = request.out or run_folder.new_path(RUNS, "compare")
     console = Console(stderr=request.json == "-")
     if request.thesis:
         return _thesis(request, place, console)
-    records, folders = perform(request, place)
+    planned = plan(request, place)
+    series = run_all(planned)
+    records = series.records
     with console.status("working out margins and floors"):
-        planned = plan(request, None)
-        told = [theory.of(one) for one in planned[: len(records)]]
-        records = [{**record, **more} for record, more in zip(records, told, strict=True)]
+        rows = [
+            record.as_dict() | theory.of(task.scenario, task.settings)
+            for record, task in zip(records, map(Experiment.resolve, planned), strict=False)
+        ]
     with console.status("drawing errors.png"):
-        figure = draw(records, folders, place / "errors.png")
-    output.write_json({"rows": records}, request.json)
+        figure = draw(records, place / "errors.png")
+    output.write_json({"rows": rows}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
         for line in (
             *record_table.legend(records),
             *_needs(records),
-            *_margins(records),
-            *_floors(records),
+            *_margins(rows),
+            *_floors(rows),
         ):
             console.print(line, soft_wrap=True, highlight=False)
         console.print(f"error over time: {figure}", soft_wrap=True, highlight=False, markup=False)
-        if (last := records[-1])["interrupted"]:
-            console.print(
-                f"interrupted: {len(records)} of {len(planned)} runs, the last one after "
-                f"{last['duration_s']:.1f} s",
-                highlight=False,
-            )
-    return 130 if records[-1]["interrupted"] else 0
+    series.conclude()
+    return 0
 
 
 def _thesis(request: Request, place: Path, console: Console) -> int:
@@ -99,11 +94,12 @@ def _thesis(request: Request, place: Path, console: Console) -> int:
 
     require_empty(place)
     rigs.check("twin", request.vision)
-    records, runs = chapter_runs.perform(place, request.vision)
-    if records[-1]["interrupted"]:
+    series, runs = chapter_runs.perform(place, request.vision)
+    records = [record.as_dict() for record in series.records]
+    if series.stopped:
         output.write_json({"rows": records}, request.json)
-        console.print(f"interrupted: {len(records)} runs in {place}, nothing was checked")
-        return 130
+        console.print(f"{len(records)} runs in {place}, nothing was checked")
+        series.conclude()
     rows = statements.ask(runs)
     with console.status("drawing figures 6.4 to 6.8"):
         figures = chapter_figures.draw(runs, place)
@@ -132,11 +128,11 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     return [f"{text} on {', '.join(scenarios)}" for text, scenarios in alike.items()]
 
 
-def _needs(records: Sequence[dict[str, Any]]) -> list[str]:
+def _needs(records: Sequence[RunRecord]) -> list[str]:
     told: dict[tuple[str, int], Any] = {}  # the first of each, which is nominal
     for r in records:
-        if r["needed_tip_deg"]:
-            told.setdefault((r["scenario"], r["seed"]), r["needed_tip_deg"])
+        if r.needed_tip_deg:
+            told.setdefault((r.scenario, r.seed), r.needed_tip_deg)
     several = len({seed for _, seed in told}) > 1
     return [
         f"{scenario}{f', seed {seed}' if several else ''}: the path needs {up_down:.0f} deg of tip "
@@ -156,31 +152,8 @@ def _floors(records: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
-def perform(request: Request, place: Path) -> tuple[list[dict[str, Any]], list[Path]]:
-    """Carry out all runs, up to a Ctrl-C.
-
-    Args:
-        request: what to run.
-        place: holds a run folder for each.
-
-    Returns:
-        The run records, and the run folder of each.
-
-    Raises:
-        ConfigError: something cannot be carried out; nothing was written.
-    """
-    planned = plan(request, place)
-    records: list[dict[str, Any]] = []
-    for n, one in enumerate(planned, 1):
-        record, _ = run.perform(one, label=f"{n}/{len(planned)}")
-        records.append(record)
-        if record["interrupted"]:
-            break
-    return records, [one.out for one in planned[: len(records)] if one.out]
-
-
-def plan(request: Request, place: Path | None) -> list[run.Request]:
-    """List the runs, each with its folder below `place`, if any; all are checked before the first.
+def plan(request: Request, place: Path) -> list[Experiment]:
+    """List the runs, each with its folder below `place`; all are checked before the first.
 
     Raises:
         ConfigError: a scenario, law or number cannot be used, or the folder is not empty.
@@ -192,8 +165,7 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
             raise ConfigError(f"no {what} given", f"name at least one after --{what}")
     for name in request.controllers:
         registry.check(name)
-    if place:
-        require_empty(place)
+    require_empty(place)
     variations = [one for entry in request.vary for one in overrides.expand(entry)]
     cases = product(
         request.scenarios,
@@ -202,14 +174,14 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
         ["", *variations],
         range(request.seeds),
     )
-    planned: list[run.Request] = []
+    planned: list[Experiment] = []
     for source, law, latency_s, varied, seed in cases:
         entries = tuple(varied.split("+")) if varied else ()
         parts = [Path(source).stem, Path(law).stem]
         parts += [overrides.label(entries).replace("/", "_")] if varied else []
         parts += [] if latency_s is None else [f"{latency_s:g}s"]
         parts += [f"seed{seed}"] if request.seeds > 1 else []
-        one = run.Request(
+        one = Experiment(
             scenario=source,
             controller=law,
             rig=request.rig,
@@ -221,9 +193,9 @@ def plan(request: Request, place: Path | None) -> list[run.Request]:
             duration_s=request.duration_s,
             scored_from_s=request.scored_from_s,
             seed=seed,
-            out=(place or Path()) / "-".join(parts),
+            out=place / "-".join(parts),
         )
-        run.resolve(one)
+        one.resolve()
         planned.append(one)
     if len({one.out for one in planned}) < len(planned):
         raise ConfigError("two runs are the same", "name every scenario, law and latency once")
@@ -240,24 +212,23 @@ def require_empty(place: Path) -> None:
         raise ConfigError(f"{place} is not an empty folder", "give a new one with --out")
 
 
-def draw(records: Sequence[dict[str, Any]], folders: Sequence[Path], path: Path) -> Path:
-    """Draw the true error of every run over time, one panel a scenario, one colour a law.
+def draw(records: Sequence[RunRecord], path: Path) -> Path:
+    """Draw the true error of every run over time, one panel a scenario, one colour a controller.
 
     Args:
-        records: run records.
-        folders: the run folder of each.
+        records: of the runs.
         path: the PNG to write.
     """
     from matplotlib.figure import Figure  # half a second to load
 
-    names = list(dict.fromkeys(record["scenario"] for record in records))
-    laws_used = list(dict.fromkeys(record["controller"] for record in records))
+    names = list(dict.fromkeys(record.scenario for record in records))
+    laws_used = list(dict.fromkeys(record.controller for record in records))
     figure = Figure(figsize=(9, 0.6 + 2.6 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, squeeze=False)[:, 0]
-    for record, folder in zip(records, folders, strict=True):
-        panel = panels[names.index(record["scenario"])]
-        t, error = error_over_time(folder)
-        law = record["controller"]
+    for record in records:
+        panel = panels[names.index(record.scenario)]
+        t, error = error_over_time(record.folder)
+        law = record.controller
         colour = SERIES[laws_used.index(law) % len(SERIES)]
         first = law not in panel.get_legend_handles_labels()[1]
         panel.plot(t, error, color=colour, lw=1.2, label=law if first else None)

@@ -5,14 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from endolock.scripts.commands import run
-from endolock.scripts.runs import run_folder
+from endolock import Experiment, read_run
 
 with tempfile.TemporaryDirectory() as place:
     out = Path(place) / "run"
-    request = run.Request(scenario="straight", vision="truth", duration_s=4, out=out)
-    record, folder = run.perform(request, show_progress=False)
-    ticks = run_folder.read(folder, "ticks")
+    Experiment(scenario="straight", vision="truth", duration_s=4, out=out).run()
+    ticks = read_run(out).ticks
 
 position = np.array(ticks["position_rad"].to_pylist())
 tension = np.array(ticks["tension_section_n"].to_pylist())

@@ -91,12 +91,15 @@ def expand(entry: str) -> list[str]:
 
 
 def apply(
-    source: str, instrument: str, entries: Sequence[str], options: Mapping[str, Any] | None = None
+    source: str | Path | Scenario,
+    instrument: str | Path | Instrument,
+    entries: Sequence[str],
+    options: Mapping[str, Any] | None = None,
 ) -> Task:
     """Apply variations one after another.
 
     Args:
-        source: the scenario, by name or file.
+        source: the scenario: its name, its file, or an object.
         instrument: the same of the instrument.
         entries: the variations, as for `read`.
         options: further values of the scenario by dotted key; they win.
@@ -106,7 +109,7 @@ def apply(
     """
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
-    made = instrument_files.load(instrument)
+    made = instrument if isinstance(instrument, Instrument) else instrument_files.load(instrument)
     base = scenario.load(source)
     for entry in entries:
         one = read(entry)

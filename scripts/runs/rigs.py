@@ -1,19 +1,21 @@
-"""Makes the rig and the eyes that the command line names."""
+"""Rigs and eyes by name: the one place where they are registered."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from math import radians
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from endolock.control.transmission import plays, quasi_static
 from endolock.control.transmission.plays import ONE_PLAY, Plays
 from endolock.control.transmission.quasi_static import Geometry
-from endolock.hw.api import ConfigError, Vector
+from endolock.hw.api import ConfigError, Rig, Vector
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
@@ -29,15 +31,96 @@ from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection, TrackEyes
 from endolock.vision.truth_eyes import TruthEyes
 
-TRANSMISSIONS = ("surrogate", "play", "quasi_static")
-"""Kinds of transmission behind a `SurrogateRig`, which takes no pictures."""
-RIGS = ("twin", "hil", "hil:wall", *TRANSMISSIONS)
-"""And serial:PORT."""
 SERIAL = "serial:"
-VISIONS = ("markers", "track", "truth")
+"""Prefix of the bench on a serial port."""
 AnyRig = TwinRig | HilRig | SurrogateRig | SerialRig
 RADII = tuple(float(r) for r in np.linspace(0.0, 0.6, 25))
 """Half-widths of plays that are fitted to an instrument [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What a simulated rig is made from; see `make`."""
+
+    scenario: Scenario
+    instrument: Instrument
+    numerics: str
+    seed: int
+    pictures: bool
+    overview: bool
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Arguments that `TwinRig` and `HilRig` share."""
+        return {
+            "instrument": self.instrument,
+            "numerics": NUMERICS[self.numerics],
+            "seed": self.seed,
+            "pictures": self.pictures,
+            "overview": self.overview,
+        }
+
+
+class RigKind(NamedTuple):
+    """A simulated rig that can be named."""
+
+    make: Callable[[Setup], TwinRig | HilRig | SurrogateRig]
+    summary: str
+    """What it is, for help texts."""
+    pictures: bool = True
+    """Whether it can take pictures."""
+
+
+def _model(rig: str) -> Callable[[Setup], SurrogateRig]:
+    def make(setup: Setup) -> SurrogateRig:
+        return SurrogateRig(
+            setup.scenario,
+            transmission=transmission(rig, setup.instrument, setup.scenario.shaft_bend_deg),
+            instrument=setup.instrument,
+            seed=setup.seed,
+        )
+
+    return make
+
+
+RIGS: dict[str, RigKind] = {
+    "twin": RigKind(lambda setup: TwinRig(setup.scenario, **setup.options), "the MuJoCo twin"),
+    "hil": RigKind(
+        lambda setup: HilRig(setup.scenario, **setup.options),
+        "the twin behind an emulated serial line, in lock-step",
+    ),
+    "hil:wall": RigKind(
+        lambda setup: HilRig(setup.scenario, **setup.options, wall=True),
+        "the same in wall-clock time",
+    ),
+    "surrogate": RigKind(_model("surrogate"), "plays fitted to the instrument", pictures=False),
+    "play": RigKind(_model("play"), "one play of constant width", pictures=False),
+    "quasi_static": RigKind(
+        _model("quasi_static"), "the instrument's wires without inertia", pictures=False
+    ),
+}
+"""The one list of simulated rigs; besides them there is serial:PORT."""
+VISIONS = {
+    "markers": "find the board in the pictures",
+    "track": "follow the target without markers",
+    "truth": "exact projections, no pictures, faster",
+}
+"""The one list of eyes."""
+
+
+def rig_help() -> str:
+    """List all rigs, for the help of a command."""
+    with_pictures = "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if kind.pictures)
+    without = "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if not kind.pictures)
+    return (
+        f"What to drive: {with_pictures}; serial:PORT (a bench); or, for --vision truth alone, a "
+        f"model without physics and pictures: {without}."
+    )
+
+
+def vision_help() -> str:
+    """List all kinds of vision, for the help of a command."""
+    return "; ".join(f"{name}: {summary}" for name, summary in VISIONS.items()) + "."
 
 
 def make(
@@ -52,12 +135,12 @@ def make(
     select: Selection | None = None,
     bench: Bench | None = None,
 ) -> tuple[AnyRig, Eyes]:
-    """Make a rig, with its first picture taken, and what looks at its frames.
+    """Make a rig, with its first picture taken, and the eyes for its frames.
 
     Args:
-        rig: kind of rig, one of `RIGS`, or serial:PORT.
+        rig: one of `RIGS`, or serial:PORT.
         scenario: what happens in front of it.
-        vision: kind of eyes, one of `VISIONS`; truth takes no pictures.
+        vision: one of `VISIONS`; truth takes no pictures.
         instrument: what the endoscope is made of.
         numerics: how finely it is simulated, one of `NUMERICS`.
         seed: of every random number.
@@ -74,53 +157,57 @@ def make(
         raise ConfigError(f"--select goes with --vision track, not with {vision}")
     if rig.startswith(SERIAL):
         real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
-        return real, _picture_eyes(real, vision, select)
-    if rig in TRANSMISSIONS:
-        made = transmission(rig, instrument, scenario.shaft_bend_deg)
-        model = SurrogateRig(scenario, transmission=made, instrument=instrument, seed=seed)
-        model.clock.sleep_until(0.0)
-        return model, exact_eyes(model, scenario, seed)
-    options: dict[str, Any] = {
-        "instrument": instrument,
-        "numerics": NUMERICS[numerics],
-        "seed": seed,
-        "pictures": vision != "truth",
-        "overview": overview,
-    }
-    twin: TwinRig | HilRig
-    if rig == "twin":
-        twin = TwinRig(scenario, **options)
-    else:
-        twin = HilRig(scenario, **options, wall=rig == "hil:wall")
+        return real, eyes_of(real, vision, scenario, seed, select)
+    simulated = RIGS[rig].make(
+        Setup(
+            scenario=scenario,
+            instrument=instrument,
+            numerics=numerics,
+            seed=seed,
+            pictures=vision != "truth",
+            overview=overview,
+        )
+    )
     try:
-        twin.clock.sleep_until(0.0)
-        if vision == "truth":
-            return twin, exact_eyes(twin, scenario, seed)
-        eyes = _picture_eyes(twin, vision, select)
-        if select:
+        simulated.clock.sleep_until(0.0)
+        eyes = eyes_of(simulated, vision, scenario, seed, select)
+        if select and not isinstance(simulated, SurrogateRig):
             left, top, width, height = select
-            twin.aim((left + (width - 1) / 2, top + (height - 1) / 2))
+            simulated.aim((left + (width - 1) / 2, top + (height - 1) / 2))
     except BaseException:
-        twin.close()
+        simulated.close()
         raise
-    return twin, eyes
+    return simulated, eyes
 
 
-def _picture_eyes(rig: AnyRig, vision: str, select: Selection | None) -> Eyes:
+def eyes_of(
+    rig: Rig, vision: str, scenario: Scenario, seed: int, select: Selection | None = None
+) -> Eyes:
+    """Make the eyes for a rig.
+
+    Args:
+        rig: gives calibration, board and truth.
+        vision: one of `VISIONS`.
+        scenario: gives the noise of eyes that take the truth.
+        seed: of that noise.
+        select: rectangle of the first picture to follow, with track only.
+
+    Raises:
+        ConfigError: the rig knows no truth, or the selection is not within the picture.
+    """
     calibration = rig.camera.calibration
     if vision == "markers":
         return MarkerEyes(calibration, rig.board)
-    return TrackEyes(calibration, rig.board, select)
-
-
-def exact_eyes(rig: TwinRig | HilRig | SurrogateRig, scenario: Scenario, seed: int) -> TruthEyes:
-    """Make eyes that need no pictures, with the noise that the scenario wants."""
-    noise_px = scenario.camera.truth_noise_px
-    return TruthEyes(rig.truth, noise_px, generator(seed, "vision.noise"))
+    if vision == "track":
+        return TrackEyes(calibration, rig.board, select)
+    if rig.truth is None:
+        raise ConfigError("the rig knows no truth", "use vision markers or track")
+    noise = generator(seed, "vision.noise")
+    return TruthEyes(rig.truth, scenario.camera.truth_noise_px, noise)
 
 
 def check(rig: str, vision: str, numerics: str = "default") -> None:
-    """See that all names are known and fit each other.
+    """Check that all names are known and fit each other.
 
     Raises:
         ConfigError: they do not.
@@ -128,13 +215,13 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
     serial = rig.startswith(SERIAL) and len(rig) > len(SERIAL)
     for what, name, known in (
         ("rig", rig, (*RIGS, rig if serial else "serial:PORT")),
-        ("vision", vision, VISIONS),
+        ("vision", vision, tuple(VISIONS)),
         ("numerics", numerics, tuple(NUMERICS)),
     ):
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
             raise ConfigError(f"{what} '{name}' is unknown", f"use {choice}")
-    if rig in TRANSMISSIONS and vision != "truth":
+    if rig in RIGS and not RIGS[rig].pictures and vision != "truth":
         raise ConfigError(f"rig {rig} takes no pictures for {vision}", "use --vision truth")
     if serial and vision == "truth":
         raise ConfigError(f"rig {rig} knows no truth", "use --vision markers or track")
@@ -168,7 +255,7 @@ def transmission(rig: str, instrument: Instrument, shaft_deg: float) -> Transmis
     """Return what lies between handles and bends of a rig without pictures.
 
     Args:
-        rig: one of `TRANSMISSIONS`.
+        rig: one of `RIGS` without pictures.
         instrument: what the endoscope is made of; one play of constant width needs none.
         shaft_deg: bend of its shaft [deg].
     """

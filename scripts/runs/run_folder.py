@@ -271,7 +271,7 @@ def read(path: Path, table: str) -> pa.Table:
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
             if not stream.schema.equals(wanted):
-                raise ConfigError(f"{file} is no table of {table}", "give a run folder")
+                _refuse(file, stream.schema, wanted)
             # Cut off within a group of rows, the stream ends in an error: it was never complete.
             with contextlib.suppress(pa.ArrowInvalid, OSError):
                 batches.extend(iter(stream))
@@ -282,6 +282,26 @@ def read(path: Path, table: str) -> pa.Table:
     except (pa.ArrowInvalid, OSError) as error:
         raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
     return pa.Table.from_batches(batches, wanted)
+
+
+def _refuse(file: Path, found: pa.Schema, wanted: pa.Schema) -> None:
+    """Say whether a table with other columns is from another version, or something else."""
+    if wanted.names[0] not in found.names:
+        raise ConfigError(f"{file} is not a table of {file.stem}", "give a run folder")
+    version_there = written_by(file.parent)
+    missing = ", ".join(name for name in wanted.names if name not in found.names)
+    what = f"has no column {missing}" if missing else "has other columns"
+    raise ConfigError(
+        f"{file} was written by endolock {version_there} and {what}", "read it with that version"
+    )
+
+
+def written_by(path: Path) -> str:
+    """Return the version of endolock that wrote a run folder; "?" where run.toml does not say."""
+    try:
+        return str(tomllib.loads((path / "run.toml").read_text("utf-8"))["versions"]["endolock"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return "?"
 
 
 def configuration(path: Path) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from endolock.control.transmission.linear_process import HOLD_S, LAG_S, Process
-from endolock.scripts.commands import run
+from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.linear_process import HOLD_S, LAG_S, Process, image_gain
+from endolock.hw.api import ConfigError
 from endolock.twin.camera import optics
 from endolock.twin.world.motion import Random
 from endolock.twin.world.scenario import Scenario
@@ -15,14 +16,43 @@ PIXEL_NOISE = 0.1
 """Noise of each coordinate of the target that the floor grants [px]: that of markers."""
 
 
-def of(request: run.Request) -> dict[str, Any]:
-    """Return margins {gain, phase_deg, dead_s} and floor_px of a run; None where there is none."""
-    task = run.resolve(request)
-    scenario = task.scenario
-    return {
-        "margins": _margins(task.settings, run.process_of(scenario)),
-        "floor_px": floor_px(scenario),
-    }
+def of(scenario: Scenario, settings: Any) -> dict[str, Any]:
+    """Return margins {gain, phase_deg, dead_s} and floor_px of a run; None where there is none.
+
+    Args:
+        scenario: gives distance and latency.
+        settings: of the controller.
+    """
+    own = not isinstance(settings, dict)  # nothing is known of a controller from a file
+    margins = _margins(settings, process_of(scenario)) if own else None
+    return {"margins": margins, "floor_px": floor_px(scenario)}
+
+
+def process_of(scenario: Scenario) -> Process:
+    """Return the linear model of a task, from its distance and latency."""
+    gain = image_gain(SectionGeometry(), scenario.board.distance_m)
+    return Process(gain=gain, dead_s=scenario.camera.latency_s + HOLD_S)
+
+
+def check_stable(name: str, settings: Any, scenario: Scenario) -> None:
+    """Check that the gains of a controller leave a margin.
+
+    Raises:
+        ConfigError: they leave none.
+    """
+    from endolock.control import analysis  # python-control takes seconds to load
+
+    process = process_of(scenario)
+    if (response := analysis.response(settings, process)) is None:
+        return
+    margin = analysis.margins(response, process).gain
+    if margin < 1:
+        raise ConfigError(
+            f"{name} is unstable with these values: gain margin {margin:.2f}, above 1 needed, with "
+            f"{process.gain:.2f} rad of error per rad of handle and {process.dead_s:.2f} s of dead "
+            "time",
+            "use lower gains, or --force",
+        )
 
 
 @lru_cache(maxsize=256)

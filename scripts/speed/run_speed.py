@@ -10,8 +10,8 @@ from typing import Any
 
 from endolock.control import loop, registry
 from endolock.control.loop import Seen
-from endolock.scripts.commands import run
 from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.speed.median_times import median_times
 from endolock.twin.rig import TwinRig
 from endolock.vision.marker_eyes import MarkerEyes
@@ -39,12 +39,10 @@ def log() -> dict[str, float]:
     Growth is counted over the frames of a run, without the wait for the first.
     """
     with tempfile.TemporaryDirectory() as name:
-        request = run.Request(scenario="straight", duration_s=2.0, out=Path(name) / "run")
-        record, path = run.perform(request, show_progress=False)
-        if record["interrupted"]:
-            raise KeyboardInterrupt
+        path = Path(name) / "run"
+        record = Experiment(scenario="straight", duration_s=2.0, out=path).run()
         size = sum(file.stat().st_size for file in path.iterdir())
-        seen_s = record["duration_s"] - record["latency_s"]
+        seen_s = record.duration_s - (record.latency_s or 0.0)
         with TwinRig("straight", overview=True) as rig:
             rig.clock.sleep_until(0.4)
             frame, eyes = rig.camera.latest(), MarkerEyes(rig.camera.calibration, rig.board)
@@ -80,11 +78,7 @@ def _run(eyes: str) -> float:
     factors: list[float] = []
     for _ in range(3):
         with tempfile.TemporaryDirectory() as name:
-            request = run.Request(
-                scenario="straight", vision=eyes, duration_s=RUN_S, out=Path(name) / "run"
-            )
-            record, _ = run.perform(request, show_progress=False)
-            if record["interrupted"]:
-                raise KeyboardInterrupt
-            factors.append(record["real_time_factor"])
+            out = Path(name) / "run"
+            record = Experiment(scenario="straight", vision=eyes, duration_s=RUN_S, out=out).run()
+            factors.append(record.duration_s / record.wall_s)
     return median(factors)

@@ -60,7 +60,7 @@ def p99() -> dict[str, float]:
 def _taken() -> dict[str, Vector]:
     plays = rigs.plays_of(Instrument(), 180.0)
     result = {}
-    for name in registry.LAWS:
+    for name in sorted(registry.LAWS):
         settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})
         with SurrogateRig("straight", transmission=plays) as rig:
             law = TimedController(registry.make(name, rig.camera.calibration, settings, rig.truth))

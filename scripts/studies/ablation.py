@@ -9,9 +9,9 @@ from __future__ import annotations
 import sys
 
 from endolock.scripts import cli
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 
 NEVER = "law.identify_every_s=1e9"
@@ -39,7 +39,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
 def table() -> str:
     """Run every case and return the table as Markdown."""
     asked = [
-        run.Request(
+        Experiment(
             scenario=scenario,
             controller=law,
             vision="truth",
@@ -59,7 +59,7 @@ def table() -> str:
 
 
 def _cell(one: Done) -> str:
-    lost = one.record["lost_fraction"]
+    lost = one.lost
     return f"{one.rms:.1f}" + (" (lost)" if lost > 0.01 else "")
 
 

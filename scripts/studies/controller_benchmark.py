@@ -12,9 +12,9 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from math import ceil
 
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch, overrides, theory
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world import scenario
 
@@ -46,9 +46,9 @@ its error is that of a constant handle.
 
 def request(
     name: str, law: str, vary: Iterable[str] = (), latency_s: float | None = None
-) -> run.Request:
-    """Return the request for one run of the benchmark."""
-    return run.Request(
+) -> Experiment:
+    """Describe one run of the benchmark."""
+    return Experiment(
         scenario=name,
         controller=law,
         vision="truth",
@@ -109,7 +109,7 @@ def _tables(
     heads: list[str],
     laws: Sequence[str],
     cases: Sequence[list[str]],
-    asked: Sequence[run.Request],
+    asked: Sequence[Experiment],
     done: Sequence[Done | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
@@ -150,15 +150,21 @@ of disturbances: [models/disturbances](../models/disturbances). One row again, m
 """
 
 
-def _error(asked: run.Request, done: Done | None) -> str:
+def _error(asked: Experiment, done: Done | None) -> str:
     if done is None:
         return "-"
-    lost, marks = done.record["lost_fraction"], []
+    lost, marks = done.lost, []
     if lost > 0.01:
         marks.append(f"lost {100 * lost:.0f} %")
-    if (margins := theory.of(asked)["margins"]) and margins["gain"] < 1:
+    if (margins := _margins(asked)) and margins["gain"] < 1:
         marks.append("unstable")
     return f"{done.rms:.1f}" + (f" ({', '.join(marks)})" if marks else "")
+
+
+def _margins(asked: Experiment) -> dict[str, float] | None:
+    task = asked.resolve()
+    margins: dict[str, float] | None = theory.of(task.scenario, task.settings)["margins"]
+    return margins
 
 
 def _price(done: Done | None) -> str:

@@ -10,7 +10,6 @@ import tempfile
 from itertools import product
 from math import degrees, radians
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -19,13 +18,16 @@ from endolock.control.identification.fits import Log, fit
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import cli
 from endolock.scripts.checks.strokes import cable_of
-from endolock.scripts.commands import hysteresis, identify, run
+from endolock.scripts.commands import hysteresis, identify
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
+from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.studies import (
     ablation,
     controller_benchmark,
+    controller_calibration,
     ensemble,
     foreign_plants,
     internal_models,
@@ -33,12 +35,7 @@ from endolock.scripts.studies import (
     verification,
     vision_docs,
 )
-from endolock.scripts.thesis import (
-    chapter_figures,
-    chapter_runs,
-    controller_calibration,
-    statements,
-)
+from endolock.scripts.thesis import chapter_figures, chapter_runs, statements
 from endolock.twin.model import generate
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import Instrument
@@ -116,13 +113,15 @@ def results(folder: Path) -> None:
     records, fast = [], []
     for name, law in product(PICTURED, COMPARED):
         with tempfile.TemporaryDirectory() as place:
-            record, run_folder = _run(name, law, "markers", Path(place) / "run")
+            record = _run(name, law, "markers", Path(place) / "run")
             records.append(record)
             if law == "pi" and name in STRIPS:
-                shutil.copy(strip.write(run_folder, run_folder / "s.png"), folder / STRIPS[name])
+                shutil.copy(
+                    strip.write(record.folder, record.folder / "s.png"), folder / STRIPS[name]
+                )
     for name, law in product(scenario.names(), COMPARED):
         with tempfile.TemporaryDirectory() as place:
-            fast.append(_run(name, law, "truth", Path(place) / "run")[0])
+            fast.append(_run(name, law, "truth", Path(place) / "run"))
     text = f"{HEAD}\n{_markdown(records)}\n{WITHOUT_PICTURES}\n{_markdown(fast)}"
     (folder / "results.md").write_text(text, encoding="utf-8")
 
@@ -236,27 +235,25 @@ def _between(text: str, name: str, content: str) -> str:
     return f"{before}{start}{content}{END}{rest.split(END, 1)[1]}"
 
 
-def _run(name: str, law: str, eyes: str, place: Path) -> tuple[dict[str, Any], Path]:
-    record, folder = run.perform(run.Request(scenario=name, controller=law, vision=eyes, out=place))
-    if record["interrupted"]:
-        raise KeyboardInterrupt
-    return record, folder
+def _run(name: str, law: str, eyes: str, place: Path) -> RunRecord:
+    experiment = Experiment(scenario=name, controller=law, vision=eyes, out=place)
+    return experiment.run(show_progress=True)
 
 
-def _markdown(records: list[dict[str, Any]]) -> str:
+def _markdown(records: list[RunRecord]) -> str:
     rows = []
     for r in record_table.with_constants(records):
-        error, seen, vision = (
-            r[key] or {} for key in ("error_px", "delayed_error_px", "vision_error_px")
-        )
-        lost = r["lost_fraction"]
+        error, seen, vision = r.error_px, r.delayed_error_px, r.vision_error_px
+        assert error
+        assert r.tip
+        lost = r.lost_fraction
         row = [
-            r["scenario"],
-            r["controller"],
-            *(f"{error[key]:.1f}" for key in ("rms", "p95", "max")),
-            f"{seen['rms']:.1f}" if seen else "",
-            f"{vision['rms']:.2f}" if vision else "",
-            *(f"{max(r[what]['p2p_deg']):.0f}" for what in ("tip", "handle")),
+            r.scenario,
+            r.controller,
+            *(f"{value:.1f}" for value in (error.rms, error.p95, error.max)),
+            f"{seen.rms:.1f}" if seen.rms is not None else "",
+            f"{vision.rms:.2f}" if vision else "",
+            *(f"{max(motion.p2p_deg or []):.0f}" for motion in (r.tip, r.handle)),
             "" if lost is None else f"{100 * lost:.1f} %",
         ]
         rows.append(row)

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from endolock.scripts import cli
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 
 SEEDS = tuple(range(100, 120))
@@ -66,7 +66,7 @@ def plant(seed: int) -> tuple[str, ...]:
 def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
     """Run a controller on every plant, 100 s, scored from 50 s; return the runs by scenario."""
     asked = [
-        run.Request(
+        Experiment(
             scenario=name,
             controller=law,
             vision="truth",
@@ -89,7 +89,7 @@ def table(laws: Sequence[str], seeds: Sequence[int] = SEEDS) -> str:
         cells = []
         for runs in perform(law, seeds).values():
             rms = sorted(one.rms for one in runs)
-            lost = sum(one.record["lost_fraction"] > 0 for one in runs)
+            lost = sum(one.lost > 0 for one in runs)
             cells += [f"{np.median(rms):.1f}", f"{rms[-1]:.1f}", str(lost)]
         rows.append([law, *cells])
     heads = [f"{name}: {what}" for name in SCENARIOS for what in ("median", "worst", "lost")]

@@ -28,8 +28,8 @@ from endolock.control.transmission.quasi_static import Cable, Geometry, Transmis
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli
 from endolock.scripts.checks.strokes import cable_of
-from endolock.scripts.commands import run
 from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world.instrument import Instrument
 
@@ -73,7 +73,7 @@ def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:
 def _log(name: str) -> tuple[Log, Vector, float]:
     """Run the lock; return its log, the bend of the lock's own model, and pixels per bend angle."""
     with tempfile.TemporaryDirectory() as place:
-        request = run.Request(
+        experiment = Experiment(
             scenario=name,
             controller=LAW,
             vision="truth",
@@ -81,7 +81,7 @@ def _log(name: str) -> tuple[Log, Vector, float]:
             duration_s=DURATION_S,
             out=Path(place) / "run",
         )
-        _, folder = run.perform(request, show_progress=False)
+        folder = experiment.run().folder
         ticks = run_folder.read(folder, "ticks")
         set_up = run_folder.configuration(folder)
     handle, bend = (np.array(ticks[key].to_pylist()) for key in ("position_rad", "bend_rad"))

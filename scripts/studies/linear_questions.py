@@ -54,7 +54,7 @@ def process() -> Answer:
     text += f"has no hold of frames and ticks; the controllers assume {HOLD_S:g} s for it.\n\n"
     loop = Process(gain=found.gain, lag_s=found.lag_s, dead_s=found.dead_s + HOLD_S)
     rows = []
-    for name in registry.LAWS:
+    for name in sorted(registry.LAWS):
         if name == "repetitive" or not (
             response := analysis.response(registry.configure(name), loop)
         ):

@@ -34,8 +34,8 @@ def roughness() -> Answer:
         [
             name,
             f"{one.rms:.0f} px",
-            f"{one.record['handle']['accel_rms']:.2f}",
-            f"{one.record['handle']['reversals_per_s']:.2f}",
+            f"{one.record.handle.accel_rms:.2f}",
+            f"{one.record.handle.reversals_per_s:.2f}",
             f"{one.tip_deg:.0f} deg",
         ]
         for name, one in done.items()
@@ -70,7 +70,7 @@ def circles() -> Answer:
             cells = []
             for width in WIDTHS:
                 one = done[scenario, form, width]
-                turns = one.record["handle"]["reversals_per_s"]
+                turns = one.record.handle.reversals_per_s or 0.0
                 cells.append(_rms_and_tip(one) + (" *" if turns > 1.0 else ""))
             rows.append([scenario, form, *cells, f"{one.needed_deg:.0f} deg"])
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
-from endolock.scripts.commands import run
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
 
@@ -119,7 +119,7 @@ def aiming() -> Answer:
 
     def cell(d: float, name: str) -> str:
         one = done[d, name]
-        lost = ", lost" if one.record["lost_fraction"] > 0.01 else ""
+        lost = ", lost" if one.lost > 0.01 else ""
         return f"{one.rms:.0f} px, {one.tip_deg:.0f} deg{lost}"
 
     rows = [[name, *(cell(d, name) for d in DISTANCES_M)] for name in laws]
@@ -139,8 +139,8 @@ def aiming() -> Answer:
     return Answer(markdown_table(head, rows), draw)
 
 
-def near(distance_m: float, law: str, *changes: str) -> run.Request:
-    """Return the request for strokes of constant image size: 40 mm at 12 cm."""
+def near(distance_m: float, law: str, *changes: str) -> Experiment:
+    """Describe strokes of constant image size: 40 mm at 12 cm."""
     motion = f"{{kind='strokes', travel_m={_travel(distance_m):.5g}, period_s=8.6}}"
     return request(
         "straight", law, f"board.distance_m={distance_m:g}", f"motion=[{motion}]", *changes

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from endolock.hw.api import ConfigError
 from endolock.scripts import cli
-from endolock.scripts.commands import run
+from endolock.scripts.runs.experiment import Experiment
 
 NO_FRICTION = ("no_hysteresis",)
 DURATION_S, SCORED_FROM_S = 45.0, 17.2
@@ -29,9 +29,9 @@ class Answer(NamedTuple):
     """Draws the figure into one Matplotlib panel."""
 
 
-def request(scenario: str, controller: str, *changes: str) -> run.Request:
-    """Return the request for one run."""
-    return run.Request(
+def request(scenario: str, controller: str, *changes: str) -> Experiment:
+    """Describe one run."""
+    return Experiment(
         scenario=scenario,
         controller=controller,
         vision="truth",

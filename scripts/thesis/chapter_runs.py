@@ -6,7 +6,7 @@ set-up. Both use the instrument `thesis` with a straight shaft; the camera has 7
 25 s (circle 20 s) and are scored from the start, on what vision saw.
 
 kp and ki were calibrated on T1 and T2, and the rate of inverse kinematics on T4 in column b, see
-scripts/thesis/controller_calibration.py; the width of compensation is the excerpt's own 0.2.
+scripts/studies/controller_calibration.py; the width of compensation is the excerpt's own 0.2.
 Everything else is a prediction. A parameter that was changed to provoke an effect is marked as
 such, and proves nothing.
 
@@ -28,8 +28,8 @@ import numpy as np
 from rich.table import Table
 
 from endolock.hw.api import Vector
-from endolock.scripts.commands import run
 from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.experiment import Experiment, Series, run_all
 from endolock.scripts.runs.markdown_table import markdown_table
 
 INSTRUMENT = "thesis"
@@ -124,7 +124,7 @@ Runs = dict[str, dict[str, Trace]]
 """Traces by column and by SCENARIO-CONTROLLER or the name of an extra run."""
 
 
-def perform(folder: Path, vision: str) -> tuple[list[dict[str, Any]], Runs]:
+def perform(folder: Path, vision: str) -> tuple[Series, Runs]:
     """Carry out all runs.
 
     Args:
@@ -132,37 +132,35 @@ def perform(folder: Path, vision: str) -> tuple[list[dict[str, Any]], Runs]:
         vision: kind of vision for column b.
 
     Returns:
-        The run records, complete or up to an interruption, and the traces.
+        The runs, complete or up to an interruption, and the traces.
     """
-    records, runs = [], Runs()
-    listed = list(requests(folder, vision))
-    for n, (column, name, one) in enumerate(listed, 1):
-        record, path = run.perform(one, label=f"{n}/{len(listed)}")
-        records.append(record)
-        if record["interrupted"]:
-            break
-        runs.setdefault(column, {})[name] = trace(path)
-    return records, runs
+    traces = Runs()
+    listed = list(experiments(folder, vision))
+    series = run_all([experiment for *_, experiment in listed])
+    for (column, name, _), record in zip(listed, series.records, strict=False):
+        if not record.interrupted:
+            traces.setdefault(column, {})[name] = trace(record.folder)
+    return series, traces
 
 
-def requests(folder: Path, vision: str) -> Iterator[tuple[str, str, run.Request]]:
-    """Yield column, name and request of every run."""
+def experiments(folder: Path, vision: str) -> Iterator[tuple[str, str, Experiment]]:
+    """Yield column, name and experiment of every run."""
     for column in COLUMNS:
         plain = {f"{s}-{law}": (s, law, ()) for s in DURATION_S for law in LAWS}
         for name, (scenario, law, changes) in {**plain, **EXTRA}.items():
             out = folder / f"{column}-{name}"
-            yield column, name, request(column, scenario, law, changes, vision, out)
+            yield column, name, experiment(column, scenario, law, changes, vision, out)
 
 
-def request(
+def experiment(
     column: str,
     scenario: str,
     controller: str,
     changes: Iterable[str] = (),
     vision: str = "truth",
     out: Path | None = None,
-) -> run.Request:
-    """Return the request for one run of the thesis' set-up.
+) -> Experiment:
+    """Describe one run of the thesis' set-up.
 
     Args:
         column: one of `COLUMNS`.
@@ -172,7 +170,7 @@ def request(
         vision: kind of vision for column b.
         out: run folder to write.
     """
-    return run.Request(
+    return Experiment(
         scenario=scenario,
         controller=controller,
         rig=COLUMNS[column],

@@ -14,7 +14,6 @@ import numpy as np
 
 from endolock.control.metrics import rms
 from endolock.hw.api import Vector
-from endolock.scripts.commands import run
 from endolock.scripts.runs.batch import FOLLOWED
 from endolock.scripts.runs.target_path import hindsight
 from endolock.scripts.thesis import chapter_runs
@@ -104,7 +103,7 @@ def gain_px(runs: Traces) -> float:
 
 def needed_deg() -> float:
     """Peak-to-peak motion of a tip that always points at the target of `straight` [deg]."""
-    task = run.resolve(chapter_runs.request("b", "straight", "still"))
+    task = chapter_runs.experiment("b", "straight", "still").resolve()
     return max(hindsight(task.scenario, task.instrument, seed=0).needed_tip_deg)
 
 

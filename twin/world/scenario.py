@@ -91,17 +91,20 @@ def names() -> list[str]:
     return files.names(FOLDER)
 
 
-def load(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
-    """Read a scenario.
+def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """Read a scenario, or change one that is loaded.
 
     Args:
-        source: name of one that comes with the package, or a TOML file.
-        overrides: values by dotted key, such as {"camera.latency_s": 0.2}; they replace the file's.
+        source: name of one that comes with the package, a TOML file, or a loaded scenario.
+        overrides: values by dotted key, such as {"camera.latency_s": 0.2}; they replace those.
 
     Raises:
         ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
     """
-    values, name = files.read("scenario", FOLDER, str(source))
+    if isinstance(source, Scenario):
+        values, name = source.model_dump(exclude={"name"}), source.name
+    else:
+        values, name = files.read("scenario", FOLDER, str(source))
     if "name" in values:
         raise ConfigError(f"scenario {name}: unknown key name", "the file's name is the scenario's")
     for key, value in (overrides or {}).items():
@@ -128,7 +131,9 @@ def loaded(source: str | Path | Scenario) -> Scenario:
     return source if isinstance(source, Scenario) else load(source)
 
 
-def sources(source: str | Path, overrides: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+def sources(
+    source: str | Path | Scenario, overrides: Mapping[str, Any]
+) -> dict[str, tuple[Any, str]]:
     """Say of every value of a scenario where it comes from.
 
     Args:
@@ -139,7 +144,8 @@ def sources(source: str | Path, overrides: Mapping[str, Any]) -> dict[str, tuple
         For each dotted key its value, and "option", "file" or "default".
     """
     resolved = load(source, overrides)
-    in_file = _flat(files.read("scenario", FOLDER, str(source))[0])
+    loaded = isinstance(source, Scenario)
+    in_file = {} if loaded else _flat(files.read("scenario", FOLDER, str(source))[0])
     found = {}
     for key, value in _flat(resolved.model_dump(exclude={"name"})).items():
         found[key] = (value, "file" if key in in_file else "default")

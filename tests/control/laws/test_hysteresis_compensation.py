@@ -9,8 +9,8 @@ import pytest
 
 from endolock.control.laws.hysteresis_compensation import CompensationSettings, Direction, follow
 from endolock.control.transmission.plays import play
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch
+from endolock.scripts.runs.experiment import Experiment
 
 DT = 0.02
 WIDTH = 0.2
@@ -84,7 +84,7 @@ def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_o
 ) -> None:
     speeds = (1e-4, CompensationSettings().switch_off_rad_s)
     asked = [
-        run.Request(
+        Experiment(
             scenario="straight",
             controller="pi_hc",
             instrument=instrument,
@@ -95,7 +95,7 @@ def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_o
         for speed in speeds
     ]
     done = zip(speeds, batch.all_of(asked), strict=True)
-    moved = {speed: one.record["handle"]["p2p_deg"][0] for speed, one in done}
+    moved = {speed: one.record.as_dict()["handle"]["p2p_deg"][0] for speed, one in done}
     # With sign and w = 0.2 it rings by 18 deg to either side; noise alone moves it by 0.4 to 1.0.
     assert moved[1e-4] > 30
     assert moved[CompensationSettings().switch_off_rad_s] < 1.5

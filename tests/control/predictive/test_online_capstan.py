@@ -19,7 +19,7 @@ from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import Mode, State, Vector
 from endolock.scripts.checks.strokes import cable_of
-from endolock.scripts.commands import run as runs
+from endolock.scripts.runs.experiment import Experiment
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.truth_eyes import TruthEyes
@@ -183,8 +183,8 @@ def test_the_lock_believes_it_on_the_twin_and_bends_as_it_says() -> None:
 
 
 def test_a_plant_without_hysteresis_needs_no_capstan() -> None:
-    request = runs.Request(scenario="straight", vary=("no_hysteresis",), controller=LAW)
-    task = runs.resolve(replace(request, vision="truth"))
+    request = Experiment(scenario="straight", vary=("no_hysteresis",), controller=LAW)
+    task = replace(request, vision="truth").resolve()
     rig = TwinRig(task.scenario, instrument=task.instrument, pictures=False)
     with rig:
         rig.clock.sleep_until(0.0)

@@ -7,8 +7,8 @@ import cv2
 import pytest
 
 from endolock.scripts import cli
-from endolock.scripts.commands import compare, run
-from endolock.scripts.runs import dry_run
+from endolock.scripts.commands import compare, dry_run
+from endolock.scripts.runs.experiment import Experiment
 
 QUICK = ["compare", "--vision", "truth", "--duration-s", "1.5"]
 
@@ -30,11 +30,12 @@ def test_every_law_meets_every_scenario_seed_and_latency(
 
 
 def test_the_figure_shows_the_metric(tmp_path: Path) -> None:
-    request = run.Request(scenario="straight", vision="truth", duration_s=2.0, out=tmp_path / "run")
-    record, folder = run.perform(request, show_progress=False)
+    request = Experiment(scenario="straight", vision="truth", duration_s=2.0, out=tmp_path / "run")
+    record = request.run()
+    folder = record.folder
     t, error = compare.error_over_time(folder)
     assert t[0] == 0
-    assert max(error) == pytest.approx(record["error_px"]["max"])
+    assert max(error) == pytest.approx(record.as_dict()["error_px"]["max"])
 
 
 @pytest.mark.parametrize(
@@ -87,10 +88,10 @@ def test_a_dry_run_of_nonsense_is_refused(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_dry_run_says_what_the_run_folder_will_say(tmp_path: Path) -> None:
-    request = run.Request(scenario="circle", vision="truth", duration_s=0.1, out=tmp_path / "r")
+    request = Experiment(scenario="circle", vision="truth", duration_s=0.1, out=tmp_path / "r")
     told = dry_run.resolved(request)
     assert told["scenario.duration_s"] == (0.1, "option")
-    _, folder = run.perform(request, show_progress=False)
+    folder = request.run().folder
     text = (folder / "run.toml").read_text()
     for key in ("scenario.shaft_bend_deg", "instrument.slack_m", "numerics.hinges"):
         name = key.rsplit(".", 1)[1]

@@ -9,8 +9,8 @@ import pytest
 
 from endolock.hw.api import ConfigError
 from endolock.scripts import cli
-from endolock.scripts.commands import run
 from endolock.scripts.runs import overrides, run_folder
+from endolock.scripts.runs.experiment import Experiment
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
 
@@ -82,8 +82,8 @@ def test_a_file_with_an_unknown_section_is_refused(tmp_path: Path) -> None:
 def test_gains_without_a_margin_need_force() -> None:
     request: dict[str, Any] = {"scenario": "straight", "vary": ("law.ki=4",), "vision": "truth"}
     with pytest.raises(ConfigError, match=r"pi is unstable .* gain margin 0\.\d+, above 1 needed"):
-        run.resolve(run.Request(**request))
-    assert run.resolve(run.Request(**request, force=True)).settings.ki == 4
+        Experiment(**request).resolve()
+    assert Experiment(**request, force=True).resolve().settings.ki == 4
 
 
 @pytest.mark.parametrize(
@@ -131,11 +131,11 @@ def test_a_law_that_goes_wrong_ends_the_run_with_one_line_and_a_closed_folder(
 def test_a_file_that_makes_no_law_is_refused(text: str, why: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(text)
-    request = run.Request(
+    request = Experiment(
         scenario="rest", controller=str(file), vision="truth", out=tmp_path / "run"
     )
     with pytest.raises(ConfigError) as caught:
-        run.perform(request, show_progress=False)
+        request.run()
     assert why in str(caught.value)
     assert not (tmp_path / "run").exists()
 
@@ -149,9 +149,11 @@ def test_a_good_law_from_a_file_runs(tmp_path: Path) -> None:
         "    def update(self, t, state, seen): return Command(position=self.at)\n\n\n"
         "def make(calibration): return Law()\n"
     )
-    request = run.Request(
+    request = Experiment(
         scenario="rest", controller=str(file), vision="truth", duration_s=1.0, out=tmp_path / "run"
     )
-    record, _ = run.perform(request, show_progress=False)
-    assert record["controller"] == "still"
-    assert record["error_px"]["max"] < 1.0  # nothing moves
+    record = request.run()
+    assert record.controller == "still"
+    assert record.error_px
+    assert record.error_px.max
+    assert record.error_px.max < 1.0  # nothing moves

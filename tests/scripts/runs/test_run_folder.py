@@ -13,15 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.hw.api import ConfigError
-from endolock.scripts.commands import run
 from endolock.scripts.figures import rerun_export, strip
 from endolock.scripts.runs import run_folder
+from endolock.scripts.runs.experiment import Experiment
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "run"
-    run.perform(run.Request(scenario="straight", duration_s=1.5, out=path), show_progress=False)
+    Experiment(scenario="straight", duration_s=1.5, out=path).run()
     return path
 
 
@@ -106,8 +106,8 @@ def test_the_strip_shows_the_run(folder: Path, tmp_path: Path) -> None:
 
 def test_a_run_without_pictures_has_no_strip(tmp_path: Path) -> None:
     path = tmp_path / "run"
-    request = run.Request(scenario="rest", vision="truth", duration_s=0.5, out=path)
-    run.perform(request, show_progress=False)
+    request = Experiment(scenario="rest", vision="truth", duration_s=0.5, out=path)
+    request.run()
     rerun_export.derive(path)
     with pytest.raises(ConfigError, match="has no pictures; run it with --vision markers"):
         strip.write(path, tmp_path / "strip.png")
@@ -150,7 +150,9 @@ def test_a_table_without_a_row_yet_is_empty(table: str, tmp_path: Path) -> None:
 
 def test_a_table_in_the_place_of_another_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "ticks.arrows").write_bytes((folder / "frames.arrows").read_bytes())
-    with pytest.raises(ConfigError, match=r"ticks.arrows is no table of ticks; give a run folder"):
+    with pytest.raises(
+        ConfigError, match=r"ticks.arrows is not a table of ticks; give a run folder"
+    ):
         run_folder.read(tmp_path, "ticks")
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch, theory
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.studies import ensemble
 from endolock.twin.world import scenario
 
@@ -18,7 +18,7 @@ LAW = "predictive_bank"
 
 
 def record(name: str, place: Path, vision: str = "truth", **changes: Any) -> dict[str, Any]:
-    request = run.Request(
+    request = Experiment(
         scenario=name,
         controller=changes.pop("law", LAW),
         vision=vision,
@@ -27,7 +27,7 @@ def record(name: str, place: Path, vision: str = "truth", **changes: Any) -> dic
         out=place / "run",
         **changes,
     )
-    return run.perform(request, show_progress=False)[0]
+    return request.run().as_dict()
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_twenty_unknown_plants(name: str, monkeypatch: pytest.MonkeyPatch) -> No
     runs = ensemble.perform(LAW)[name]
     assert max(one.rms for one in runs) <= {"straight": 20, "circle": 25}[name]
     # At the start a frame or two may miss it; lost is who does not come back.
-    assert max(one.record["lost_fraction"] for one in runs) < 0.01
+    assert max(one.lost for one in runs) < 0.01
 
 
 def test_a_random_target_within_twice_the_floor(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_at_rest_it_rests(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", scenario.names())
 def test_never_worse_than_a_tuned_pi(name: str) -> None:
     asked = [
-        run.Request(
+        Experiment(
             scenario=name,
             controller=law,
             vision="truth",

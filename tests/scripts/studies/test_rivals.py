@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from endolock.control import loop, metrics, registry
+from endolock.control.scores import ErrorSummary, HandleScores
 from endolock.control.transmission.plays import Plays
 from endolock.hw.api import Command, State
 from endolock.scripts import cli
-from endolock.scripts.commands import run
 from endolock.scripts.runs import batch, record_table
+from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.runs.target_path import hindsight, places
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
@@ -100,7 +102,7 @@ def followers() -> dict[tuple[str, str], batch.Done]:
     names = sorted(set(registry.LAWS) - MAY_STAND)
     cases = [(path, law) for path in ("straight", "circle") for law in names]
     asked = [
-        run.Request(
+        Experiment(
             scenario=path,
             controller=law,
             vision="truth",
@@ -118,12 +120,12 @@ def test_a_law_that_claims_to_follow_moves_the_tip(
     path: str, law: str, followers: dict[tuple[str, str], batch.Done]
 ) -> None:
     one = followers[path, law]
-    assert one.follows, (one.record["tip"], one.record["needed_tip_deg"])
+    assert one.follows, (one.record.tip, one.record.needed_tip_deg)
 
 
 def test_a_law_that_rings_does_not_follow() -> None:
     """At 15 mm the gains of `pi` for 12 cm are beyond what the loop bears."""
-    (one,) = batch.all_of([run.Request(scenario="close", vision="truth")])
+    (one,) = batch.all_of([Experiment(scenario="close", vision="truth")])
     assert one.tip_deg > one.needed_deg  # it moves enough
     assert not one.follows
 
@@ -132,7 +134,7 @@ def test_gains_that_stay_inside_the_loop_are_seen_to_be_parked() -> None:
     """Kp 0.3 and ki 0.25, once calibrated on peaks alone, score like a constant handle."""
     (one,) = batch.all_of(
         [
-            run.Request(
+            Experiment(
                 scenario="straight",
                 vision="truth",
                 vary=("law.kp=0.3", "law.ki=0.25"),
@@ -221,10 +223,35 @@ def test_seeds_can_be_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_bench_has_no_hindsight() -> None:
-    row = {
-        **{"scenario": "straight", "controller": "pi", "latency_s": 0.4, "real_time_factor": 1.0},
-        **{"error_px": None, "delayed_error_px": None, "tip": None, "handle": None},
-        **{"detected_fraction": None, "lost_fraction": None, "constant_px": None},
-        **{"interrupted": False, "seed": 0},
-    }
+    row = RunRecord(
+        scenario="straight",
+        controller="pi",
+        variation="",
+        rig="serial:PORT",
+        instrument="pretensioned",
+        vision="markers",
+        seed=0,
+        duration_s=1.0,
+        scored_from_s=0.0,
+        wall_s=1.0,
+        real_time_factor=1.0,
+        latency_s=0.4,
+        interrupted=False,
+        needed_tip_deg=None,
+        constant_px=None,
+        folder=Path(),
+        overruns=0,
+        frames=0,
+        frames_dropped=0,
+        detected_fraction=None,
+        lost_fraction=None,
+        time_to_lock_s=None,
+        error_px=None,
+        error_deg=None,
+        delayed_error_px=ErrorSummary(),
+        vision_error_px=None,
+        handle=HandleScores(),
+        tip=None,
+        blur_px=None,
+    )
     assert list(record_table.with_constants([row])) == [row]

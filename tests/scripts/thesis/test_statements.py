@@ -10,20 +10,16 @@ import pytest
 
 from endolock.control.laws.hysteresis_compensation import CompensationSettings
 from endolock.control.laws.pi import PISettings
-from endolock.scripts.commands import hysteresis, run
+from endolock.scripts.commands import hysteresis
 from endolock.scripts.runs.batch import FOLLOWED
-from endolock.scripts.thesis import (
-    chapter_figures,
-    chapter_runs,
-    controller_calibration,
-    statements,
-)
+from endolock.scripts.studies import controller_calibration
+from endolock.scripts.thesis import chapter_figures, chapter_runs, statements
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> chapter_runs.Runs:
-    records, runs = chapter_runs.perform(tmp_path_factory.mktemp("runs") / "all", "truth")
-    assert not any(record["interrupted"] for record in records)
+    series, runs = chapter_runs.perform(tmp_path_factory.mktemp("runs") / "all", "truth")
+    assert series.stopped is None
     return runs
 
 
@@ -72,7 +68,7 @@ def test_held_still_the_tip_stands(runs: chapter_runs.Runs) -> None:
 
 
 def test_the_endoscope_lies_straight_and_its_loop_is_as_wide_as_the_excerpt_says() -> None:
-    task = run.resolve(chapter_runs.request("b", "straight", "pi"))
+    task = chapter_runs.experiment("b", "straight", "pi").resolve()
     assert task.scenario.shaft_bend_deg == 0.0
     asked = hysteresis.Request(instrument=chapter_runs.INSTRUMENT, shaft_deg=0.0, noise_deg=0.0)
     record = hysteresis.perform(asked, show_progress=False)

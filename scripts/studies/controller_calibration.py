@@ -7,7 +7,7 @@
 * the switch-off speed of compensation: on no statement. The smallest for which the axis whose
   target rests does not ring, with those gains, at `NOISE_PX`.
 
-`./run python -m endolock.scripts.thesis.controller_calibration` prints the tables of
+`./run python -m endolock.scripts.studies.controller_calibration` prints the tables of
 docs/control.md; 2 minutes.
 """
 
@@ -17,17 +17,18 @@ import sys
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from endolock.control import analysis
 from endolock.control.laws.pi import PISettings
 from endolock.scripts import cli
-from endolock.scripts.commands import run
-from endolock.scripts.runs import batch
+from endolock.scripts.runs import batch, theory
 from endolock.scripts.runs.batch import FOLLOWED
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
+from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.thesis import chapter_runs
 from endolock.scripts.thesis.chapter_runs import COLUMNS, STROKE_S, Trace
 from endolock.scripts.thesis.statements import GAIN_PX, PEAK_PX, gain_px, needed_deg, straight_ik
@@ -76,7 +77,8 @@ class GainPair(NamedTuple):
 
 def pairs() -> list[GainPair]:
     """Try all gains with enough margin; return those for which the tip follows, best first."""
-    process = run.process_of(run.resolve(chapter_runs.request("b", "straight", "pi")).scenario)
+    task = chapter_runs.experiment("b", "straight", "pi").resolve()
+    process = theory.process_of(task.scenario)
     tried = []
     for kp, ki in product(KP, KI):
         response = analysis.response(PISettings(kp=kp, ki=ki), process)
@@ -91,7 +93,7 @@ def pairs() -> list[GainPair]:
         for law in ("pi", "pi_hc")
     ]
     traces = iter(
-        _traces([chapter_runs.request(c, "straight", law, gains) for c, law, gains in cases])
+        _traces([chapter_runs.experiment(c, "straight", law, gains) for c, law, gains in cases])
     )
     found = []
     for kp, ki, margin in tried:
@@ -106,9 +108,9 @@ def pairs() -> list[GainPair]:
 
 def rates() -> dict[float, tuple[str, bool]]:
     """Test T4 in column b for each rate; return the result and whether it holds."""
-    asked = [chapter_runs.request("b", "straight", law) for law in ("pi", "pi_hc")]
+    asked = [chapter_runs.experiment("b", "straight", law) for law in ("pi", "pi_hc")]
     asked += [
-        chapter_runs.request("b", "straight", "ik", (f"law.rate_per_s={rate}",))
+        chapter_runs.experiment("b", "straight", "ik", (f"law.rate_per_s={rate}",))
         for rate in RATES_PER_S
     ]
     pi, hc, *inverse = _traces(asked)
@@ -125,7 +127,7 @@ def switch_offs() -> dict[float, float]:
     noise = f"camera.truth_noise_px={NOISE_PX}"
     asked = [
         replace(
-            chapter_runs.request(
+            chapter_runs.experiment(
                 "b", "straight", "pi_hc", (f"law.switch_off_rad_s={speed}", noise)
             ),
             seed=seed,
@@ -160,11 +162,11 @@ def table() -> str:
     return f"{text}\n{markdown_table(head, rows)}"
 
 
-def _traces(requests: list[run.Request]) -> list[Trace]:
-    return batch.each_of(requests, _trace)
+def _traces(experiments: list[Experiment]) -> list[Trace]:
+    return batch.each_of(experiments, _trace)
 
 
-def _trace(_record: dict[str, Any], folder: Path) -> Trace:
+def _trace(_record: RunRecord, folder: Path) -> Trace:
     return chapter_runs.trace(folder)
 
 

@@ -1,0 +1,322 @@
+"""Runs a rig, its eyes and a controller into a run folder: what the commands are made of.
+
+record = Experiment(scenario="circle", controller="predictive_bank", duration_s=100.0).run()
+print(record.error_px.rms, record.folder)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from endolock.control import loop, metrics, registry
+from endolock.control.loop import Controller
+from endolock.hw.api import Calibration, ConfigError, Rig
+from endolock.hw.bench.bench_file import Bench
+from endolock.scripts.runs import overrides, rigs, run_folder, theory
+from endolock.scripts.runs.progress import closing, progress
+from endolock.scripts.runs.run_record import RunRecord
+from endolock.scripts.runs.target_path import hindsight
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.scenario import Scenario
+from endolock.vision.observation import Eyes
+from endolock.vision.track_eyes import Selection
+
+RUNS = Path("runs")
+"""Where run folders go unless told otherwise."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A Ctrl-C or a kill ended a run between two ticks; handles hold, its folder is complete.
+
+    Args:
+        record: of the run, up to there.
+        message: how far it came; made from the record if empty.
+    """
+
+    def __init__(self, record: RunRecord, message: str = "") -> None:
+        super().__init__(message or f"after {record.duration_s:.1f} s")
+        self.record = record
+
+
+class Resolved(NamedTuple):
+    """What an experiment comes to once all names are looked up."""
+
+    scenario: Scenario
+    instrument: Instrument
+    settings: Any
+    """Of the controller; None of an object."""
+    changes: dict[str, Any]
+    """What differs from the scenario's file, by dotted key."""
+    bench: Bench | None
+    """What a serial rig is made of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """One run of one controller on one scenario, from names or from objects.
+
+    Example:
+        >>> Experiment(scenario="rest", vision="truth", duration_s=1.0).resolve().scenario.name
+        'rest'
+    """
+
+    scenario: str | Path | Scenario
+    """Name, TOML file, or a loaded scenario."""
+    controller: str | Controller | Callable[[Calibration], Controller] = "pi"
+    """Name, .py file, an object with `reset` and `update`, or what makes one from the
+    calibration."""
+    rig: str | Rig = "twin"
+    """Name of a rig, see `rigs.RIGS`, or serial:PORT; or a rig, which is not closed, with the
+    scenario that it was made with."""
+    bench: Path | None = None
+    """With serial: TOML file of the bench; bench.toml in this folder if None."""
+    vision: str | Eyes = "markers"
+    """markers, track or truth; or what turns a frame into an observation."""
+    select: Selection | None = None
+    """With track: left, top, width and height of what to follow in the first picture [px]; the
+    board's target if None."""
+    instrument: str | Path | Instrument = "pretensioned"
+    """Name, TOML file, or an instrument."""
+    latency_s: float | None = None
+    """Exposure to delivery of a frame [s]; the scenario's if None."""
+    duration_s: float | None = None
+    """How long to run [s]; the scenario's if None."""
+    scored_from_s: float | None = None
+    """Leave what comes before out of the scores [s]; the scenario's if None."""
+    vary: tuple[str, ...] = ()
+    """Changes as for `overrides.read`, all of them applied."""
+    force: bool = False
+    """Run a controller also where its gains make the loop unstable."""
+    seed: int = 0
+    """Of every random number; the same seed gives the same tables."""
+    out: Path | None = None
+    """Run folder, new or empty; one below runs/ named by time if None."""
+
+    @property
+    def controller_name(self) -> str:
+        """Name of the controller in records and folders."""
+        if isinstance(self.controller, str):
+            return Path(self.controller).stem
+        kind = self.controller if isinstance(self.controller, type) else type(self.controller)
+        return kind.__name__
+
+    def resolve(self) -> Resolved:
+        """Check everything and load what is named; nothing is made or written.
+
+        Raises:
+            ConfigError: it cannot be run.
+        """
+        if isinstance(self.controller, str):
+            registry.check(self.controller)
+        bench = None
+        if isinstance(self.rig, str):
+            if not isinstance(self.vision, str):
+                raise ConfigError("eyes were made for a rig", "give that rig too, or name the eyes")
+            rigs.check(self.rig, self.vision)
+            bench = rigs.bench_of(self.rig, self.bench)
+        own = self.instrument != "pretensioned"
+        if bench and (own or any(entry.startswith("instrument.") for entry in self.vary)):
+            raise ConfigError(
+                "the instrument on a bench cannot be set",
+                f"leave --instrument and instrument.NAME out with --rig {self.rig}",
+            )
+        changes = self.changes
+        if bench:  # the bench's camera determines its latency, not the scenario
+            changes.setdefault("camera.latency_s", bench.camera.latency_s)
+        task = overrides.apply(self.scenario, self.instrument, self.vary, changes)
+        scenario = task.scenario
+        if getattr(self.rig, "scenario", scenario) != scenario:
+            raise ConfigError(
+                f"the rig was not made with this scenario {scenario.name}",
+                "give scenario=rig.scenario, and no changes to it",
+            )
+        if scenario.scored_from_s >= scenario.duration_s:
+            raise ConfigError(
+                f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
+                f"{scenario.duration_s:g} s",
+                "use a smaller one or a longer duration_s",
+            )
+        settings = self._settings(scenario, task.instrument, task.law)
+        if task.law and not self.force:
+            theory.check_stable(self.controller_name, settings, scenario)
+        return Resolved(scenario, task.instrument, settings, task.changes, bench)
+
+    def run(self, *, label: str = "", show_progress: bool = False) -> RunRecord:
+        """Run, score, and complete the run folder.
+
+        Args:
+            label: stands before the progress bar.
+            show_progress: whether there is a progress bar.
+
+        Raises:
+            ConfigError: it cannot be run; nothing was written.
+            HardwareError: the handles stopped; the folder holds everything up to there.
+            Interrupted: a Ctrl-C or a kill ended it early.
+        """
+        task = self.resolve()
+        scenario = task.scenario
+        with closing() as asked, self._stage(task) as (rig, eyes):
+            if asked:
+                raise KeyboardInterrupt
+            controller = self._make(rig, task.settings)
+            name = f"{scenario.name}-{self.controller_name}"
+            path = self.out or run_folder.new_path(RUNS, name)
+            folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
+            if rig.line:
+                rig.line.record(path / run_folder.BUS_LOG)
+            start = time.perf_counter()
+            try:
+                with progress(
+                    f"{label} {name}".strip(), scenario.duration_s, show_progress
+                ) as tell:
+                    result = loop.run(
+                        rig,
+                        eyes,
+                        controller,
+                        duration_s=scenario.duration_s,
+                        recorder=folder,
+                        progress=tell,
+                    )
+            finally:
+                folder.close()
+            wall_s = time.perf_counter() - start
+            scores = metrics.score(result, rig.camera.calibration, scenario.scored_from_s)
+            simulated = rig.truth is not None
+        ran_s = result.ticks[-1].t - result.ticks[0].t if result.ticks else 0.0
+        needed = constant = None
+        if simulated and ran_s > scenario.scored_from_s:
+            ran = scenario.model_copy(update={"duration_s": ran_s})
+            needed, constant = hindsight(ran, task.instrument, self.seed)
+        told = self._described()
+        record = RunRecord(
+            **{field.name: getattr(scores, field.name) for field in fields(scores)},
+            scenario=scenario.name,
+            controller=self.controller_name,
+            variation=overrides.label(self.vary),
+            rig=told["rig"],
+            instrument=told["instrument"],
+            vision=told["vision"],
+            seed=self.seed,
+            duration_s=ran_s,
+            scored_from_s=scenario.scored_from_s,
+            wall_s=wall_s,
+            real_time_factor=ran_s / wall_s,
+            latency_s=scenario.camera.latency_s,
+            interrupted=result.interrupted,
+            needed_tip_deg=list(needed) if needed else None,
+            constant_px=constant,
+            folder=path,
+        )
+        folder.finish(record.as_dict())
+        if record.interrupted:
+            raise Interrupted(record)
+        return record
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What it changes in its scenario, by dotted key."""
+        options = {
+            "camera.latency_s": self.latency_s,
+            "duration_s": self.duration_s,
+            "scored_from_s": self.scored_from_s,
+        }
+        return {key: value for key, value in options.items() if value is not None}
+
+    def _settings(self, scenario: Scenario, instrument: Instrument, law: dict[str, Any]) -> Any:
+        if not isinstance(self.controller, str):
+            if law:
+                raise ConfigError(
+                    f"{self.controller_name} is an object", "set its parameters where it is made"
+                )
+            return None
+        known: dict[str, Any] = {}
+        if scenario.period_s is not None:
+            known["period_s"] = scenario.period_s
+        if self.controller == "oracle" and isinstance(self.rig, str):
+            known["plays"] = rigs.plays_behind(self.rig, instrument, scenario.shaft_bend_deg)
+        return registry.configure(self.controller, law, known)
+
+    @contextmanager
+    def _stage(self, task: Resolved) -> Iterator[tuple[Rig, Eyes]]:
+        """Make rig and eyes, and close what was made."""
+        if not isinstance(self.rig, str):
+            eyes = self.vision
+            if isinstance(eyes, str):
+                eyes = rigs.eyes_of(self.rig, eyes, task.scenario, self.seed, self.select)
+            yield self.rig, eyes
+            return
+        assert isinstance(self.vision, str)  # see `resolve`
+        rig, eyes = rigs.make(
+            self.rig,
+            task.scenario,
+            vision=self.vision,
+            instrument=task.instrument,
+            seed=self.seed,
+            overview=True,
+            select=self.select,
+            bench=task.bench,
+        )
+        with rig:
+            yield rig, eyes
+
+    def _make(self, rig: Rig, settings: Any) -> Controller:
+        calibration = rig.camera.calibration
+        if isinstance(self.controller, str):
+            return registry.make(self.controller, calibration, settings, rig.truth)
+        return registry.adopt(self.controller, calibration)
+
+    def _described(self) -> dict[str, Any]:
+        """Return the fields as plain values for run.toml; objects go by their class."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name, value in values.items():
+            if name == "scenario" and isinstance(value, Scenario):
+                values[name] = value.name
+            elif name == "controller" and not isinstance(value, str):
+                values[name] = self.controller_name
+            elif name == "select" and value:
+                values[name] = ",".join(map(str, value))
+            elif isinstance(value, Path):
+                values[name] = str(value)
+            elif name in ("rig", "vision", "instrument") and not isinstance(value, str):
+                values[name] = type(value).__name__
+        return values
+
+
+class Series(NamedTuple):
+    """Runs one after another."""
+
+    records: list[RunRecord]
+    """Of all runs, also of one that was ended early."""
+    stopped: Interrupted | None
+    """What ended the series early."""
+
+    def conclude(self) -> None:
+        """Raise what ended the series early; called once its results have been reported."""
+        if self.stopped:
+            raise self.stopped
+
+
+def run_all(experiments: Sequence[Experiment], *, show_progress: bool = True) -> Series:
+    """Carry out experiments one after another, up to a Ctrl-C.
+
+    Raises:
+        ConfigError, HardwareError: as for `Experiment.run`.
+    """
+    records: list[RunRecord] = []
+    total = len(experiments)
+    for n, experiment in enumerate(experiments, 1):
+        label = f"{n}/{total}" if total > 1 else ""
+        try:
+            records.append(experiment.run(label=label, show_progress=show_progress))
+        except Interrupted as stop:
+            records.append(stop.record)
+            if total == 1:
+                return Series(records, stop)
+            how_far = f"in run {n} of {total}, after {stop.record.duration_s:.1f} s"
+            return Series(records, Interrupted(stop.record, how_far))
+    return Series(records, None)
