@@ -17,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import json
 import platform
+import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
