@@ -27,6 +27,7 @@ from endolock.control.laws.inverse_kinematics import IKSettings
 from endolock.control.laws.pi import PISettings
 from endolock.control.laws.pi_simc import SimcSettings
 from endolock.control.laws.smith import SmithSettings
+from endolock.control.rms import rms
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.hw.api import Vector
@@ -130,7 +131,7 @@ def identify_step(t: Vector, error: Vector, step_rad: float) -> tuple[Process, f
         misfit, start, bounds=([1e-6, 1e-4, 1e-3], [1e3, 5.0, 10.0]), x_scale=start
     )
     gain, lag, dead = (float(x) for x in best.x)
-    return Process(gain=gain, lag_s=lag, dead_s=dead), float(np.sqrt(np.mean(best.fun**2)))
+    return Process(gain=gain, lag_s=lag, dead_s=dead), rms(best.fun)
 
 
 class LimitCycle(NamedTuple):

@@ -14,6 +14,7 @@ from math import isfinite
 import numpy as np
 
 from endolock.control.loop import Run, Seen, Tick
+from endolock.control.rms import rms
 from endolock.control.scores import (
     ErrorExtent,
     ErrorSummary,
@@ -186,8 +187,3 @@ def _blur(ticks: Sequence[Tick]) -> float | None:
 
 def _share(facts: Sequence[bool]) -> float | None:
     return float(np.mean(facts)) if facts else None
-
-
-def rms(values: Vector) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))

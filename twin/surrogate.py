@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from endolock.control.transmission import kinematics
-from endolock.control.transmission.kinematics import Pair, SectionGeometry
+from endolock.control.transmission.kinematics import Pair
 from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.drive import Reading
@@ -28,6 +28,7 @@ from endolock.hw.lifecycle import ClosingRig
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import section_of
 from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario, loaded
 
@@ -288,15 +289,6 @@ class SurrogateDrive:
             position_rad=tuple((-reach - z, reach - z) for z in self._zero),
             velocity_rad_s=(speed,) * len(self.axes),
         )
-
-
-def section_of(instrument: Instrument) -> SectionGeometry:
-    """Return the lengths of an instrument's section."""
-    return SectionGeometry(
-        bending_length_m=instrument.bending_length_m,
-        rigid_tip_m=instrument.rigid_tip_m,
-        misalignment_rad=instrument.misalignment_rad,
-    )
 
 
 def _check(scenario: Scenario) -> None:

@@ -40,6 +40,7 @@ class Spread:
     pointed the way of the parameter in question, which n residuals of size e can by e sqrt(n).
 
     Args:
+        names: names of the fitted numbers, p.
         residuals: at the minimum, in the order of time, n.
         jacobian: their derivatives, n x p.
         scale: likely sizes of the fitted numbers, p.
@@ -50,6 +51,7 @@ class Spread:
     def __init__(
         self,
         *,
+        names: Sequence[str],
         residuals: Vector,
         jacobian: Vector,
         scale: Sequence[float],
@@ -58,19 +60,19 @@ class Spread:
     ) -> None:
         _, sizes, rows = np.linalg.svd(jacobian * np.asarray(scale), full_matrices=False)
         self._root = rows / np.maximum(sizes, NO_EFFECT)[:, np.newaxis] * np.asarray(scale)
-        self._stuck = stuck
+        self._names, self._stuck = list(names), stuck
         rho = max(0.0, float(np.corrcoef(residuals[1:], residuals[:-1])[0, 1]))
         noise = float(np.mean(residuals**2)) * (1 + rho) / (1 - rho)
         self._factor = float(np.sqrt(noise + len(residuals) * model_error**2))
 
-    def parameter(self, value: float, gradient: Mapping[int, float]) -> Parameter:
+    def parameter(self, value: float, gradient: Mapping[str, float]) -> Parameter:
         """Tell one number.
 
         Args:
             value: it, in SI units.
             gradient: its derivatives by those fitted numbers that it depends on.
         """
-        columns = list(gradient)
+        columns = [self._names.index(name) for name in gradient]
         direction = self._root[:, columns] @ np.array(list(gradient.values()))
         std = self._factor * float(np.linalg.norm(direction))
         stuck = any(self._stuck[column] for column in columns)

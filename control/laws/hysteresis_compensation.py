@@ -27,6 +27,7 @@ from typing import Literal
 from endolock.control.laws.pi import PI, PIMemory, PISettings
 from endolock.control.laws.pi_simc import SimcMemory, SimcPI, SimcSettings
 from endolock.control.transmission.kinematics import Pair
+from endolock.control.transmission.plays import play_step
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation
 
@@ -102,7 +103,7 @@ def follow(
     rest = settings.switch_off_rad_s * (1.0 if direction.moving else ON_OVER_OFF)
     direction.moving = abs(speed) > rest
     sign = copysign(direction.moving, speed)
-    direction.behind = min(max(direction.behind, now - reach), now + reach)
+    direction.behind = play_step(direction.behind, now, reach)
     match settings.form:
         case "sign":
             direction.side = sign

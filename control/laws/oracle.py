@@ -15,7 +15,7 @@ import numpy as np
 
 from endolock.control.transmission import kinematics, linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
+from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays, play_step
 from endolock.hw.api import Calibration, Command, ConfigError, State, TruthSample
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
@@ -103,7 +103,7 @@ class Oracle:
         bend = kinematics.aim(self._geometry, self._ahead(t + settings.lead_s))
         reach = settings.reversal_rad
         before = memory.wanted or bend
-        one, other = (min(max(w, b - reach), b + reach) for w, b in zip(before, bend, strict=True))
+        one, other = (play_step(w, b, reach) for w, b in zip(before, bend, strict=True))
         memory.wanted = one, other
         dt = 0.0 if memory.t is None else t - memory.t
         share = 1.0 if memory.t is None else dt / (settings.correct_s + dt)

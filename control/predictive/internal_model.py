@@ -107,7 +107,7 @@ class InternalModel:
     @property
     def shift(self) -> float:
         """Exposures were so much later than believed [s]."""
-        return self.search.values[-1] if self.believed else self.shift_s
+        return self.search.values.shift_s if self.believed else self.shift_s
 
     @property
     def bend(self) -> Pair:
@@ -119,7 +119,7 @@ class InternalModel:
 
     def turned(self, off: Pair) -> Pair:
         """Turn what the video shows back to the axes of the bends."""
-        angle = self.search.values[-2] if self.believed else 0.0
+        angle = self.search.values.video_turn_rad if self.believed else 0.0
         c, s = cos(angle), sin(angle)
         return c * off[0] - s * off[1], s * off[0] + c * off[1]
 

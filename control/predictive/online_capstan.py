@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, exp, log, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,15 +29,70 @@ from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.quasi_static import Axis, BothAxes, Cable, Geometry, thin
 from endolock.hw.api import Vector
 
-START = (0.5, 0.15, log(8e4), -2e-3, 0.0, 0.0)
-WIDTH = (0.3, 0.1, 0.3, 2e-3, 0.1, 0.1)
-"""Where the search begins and how far it may go, standard deviations: mu Theta, mu_b, log of k/K
-[1/m2], slack [m], turn of the video [rad], its shift [s]. Assumed: a common endoscope."""
-LOW = (0.02, 0.0, log(4e4), -0.02, -0.3, -0.3)
-HIGH = (2.0, 0.6, log(2e5), 0.005, 0.3, 0.3)
+
+class CapstanParameters(NamedTuple):
+    """What is searched for, the same cable on both axes."""
+
+    conduit_exponent: float
+    """Capstan exponent mu Theta of the conduit [1]."""
+    section_friction: float
+    """mu_b [1]."""
+    log_stiffness: float
+    """Logarithm of k/K, k/K in 1/m2."""
+    slack_m: float
+    """Free length of each wire [m]; negative is pretension."""
+    video_turn_rad: float
+    """alpha, turn of the video about the optical axis against the bends [rad]."""
+    shift_s: float
+    """Time by which exposures are later than believed [s]."""
+
+
 CABLE = 4
-"""So many of them are the cable's; the others need no model of their own."""
-DELTA = (0.02, 0.02, 0.05, 1e-4, 1e-3, 2e-3)
+"""Number of unknowns that describe the cable, the first ones; the others need no model of their
+own."""
+START = CapstanParameters(
+    conduit_exponent=0.5,
+    section_friction=0.15,
+    log_stiffness=log(8e4),
+    slack_m=-2e-3,
+    video_turn_rad=0.0,
+    shift_s=0.0,
+)
+"""p0, where the search begins. Assumed: a common endoscope."""
+WIDTH = CapstanParameters(
+    conduit_exponent=0.3,
+    section_friction=0.1,
+    log_stiffness=0.3,
+    slack_m=2e-3,
+    video_turn_rad=0.1,
+    shift_s=0.1,
+)
+"""Standard deviations of the prior. Assumed, as `START`."""
+LOW = CapstanParameters(
+    conduit_exponent=0.02,
+    section_friction=0.0,
+    log_stiffness=log(4e4),
+    slack_m=-0.02,
+    video_turn_rad=-0.3,
+    shift_s=-0.3,
+)
+HIGH = CapstanParameters(
+    conduit_exponent=2.0,
+    section_friction=0.6,
+    log_stiffness=log(2e5),
+    slack_m=0.005,
+    video_turn_rad=0.3,
+    shift_s=0.3,
+)
+"""Bounds of the search."""
+DELTA = CapstanParameters(
+    conduit_exponent=0.02,
+    section_friction=0.02,
+    log_stiffness=0.05,
+    slack_m=1e-4,
+    video_turn_rad=1e-3,
+    shift_s=2e-3,
+)
 """Steps for the derivatives."""
 ERROR_RAD = 0.02
 """s, what the model may be off [rad]: five pixels, though it is off by one, because neighbouring
@@ -57,8 +113,8 @@ GROW, SHRINK = 8.0, 0.3
 class Track:
     """A model on its way along a course of handle angles."""
 
-    values: list[float]
-    """What it is made of, as `START`."""
+    values: CapstanParameters
+    """Its parameters."""
     states: tuple[list[float], list[float]]
     """Of the two axes; empty at rest."""
     bends: list[tuple[float, float]] = field(default_factory=list)
@@ -112,9 +168,9 @@ class Window:
 class Search:
     """Where the search stands."""
 
-    values: list[float] = field(default_factory=lambda: list(START))
+    values: CapstanParameters = START
     """The best so far."""
-    spread: list[float] = field(default_factory=lambda: list(WIDTH))
+    spread: CapstanParameters = WIDTH
     """Their standard deviations."""
     damping: float = 1.0
     misfit_rad: float = LARGE_RAD
@@ -124,14 +180,13 @@ class Search:
     window: Window | None = None
 
 
-def made(values: Sequence[float], states: tuple[list[float], list[float]]) -> tuple[Axis, Axis]:
+def made(values: CapstanParameters, states: tuple[list[float], list[float]]) -> tuple[Axis, Axis]:
     """Make both axes, going on from states, or from rest where those are empty."""
-    friction, section, stiffness, slack = values[:CABLE]
     cable = Cable(
-        wrap_friction=friction,
-        section_friction=section,
-        stiffness=exp(stiffness),
-        slack_m=slack,
+        conduit_exponent=values.conduit_exponent,
+        section_friction=values.section_friction,
+        stiffness=exp(values.log_stiffness),
+        slack_m=values.slack_m,
         sheath=SHEATH,
     )
     axes = Axis(cable, Geometry()), Axis(cable, Geometry())
@@ -164,7 +219,7 @@ def begin(
     course = [(float(a), float(b)) for a, b in handles[kept]]
     window = Window(times.tolist(), path.tolist(), kept, course, frames, states)
     for values in (search.values, *_neighbours(search.values)[:CABLE]):
-        window.tracks.append(Track(list(values), states))
+        window.tracks.append(Track(values, states))
     search.window = window
 
 
@@ -193,26 +248,25 @@ def work(search: Search) -> Track | None:
     return track
 
 
-def _neighbours(values: Sequence[float]) -> list[list[float]]:
+def _neighbours(values: CapstanParameters) -> list[CapstanParameters]:
     """The same values with one of them changed, each in turn."""
     return [
-        [v + (DELTA[k] if k == n else 0.0) for k, v in enumerate(values)]
+        CapstanParameters(*(v + (DELTA[k] if k == n else 0.0) for k, v in enumerate(values)))
         for n in range(len(values))
     ]
 
 
-def _residual(values: Sequence[float], window: Window, track: Track, basis: Vector) -> Vector:
+def _residual(values: CapstanParameters, window: Window, track: Track, basis: Vector) -> Vector:
     """What is not smooth in the target's course as a model has it, 2 n [rad]."""
-    turned, shift_s = values[CABLE:]
     t, *off = np.array(window.frames).T
-    bends = window.bends(track, t + shift_s)
-    c, s = cos(turned), sin(turned)
+    bends = window.bends(track, t + values.shift_s)
+    c, s = cos(values.video_turn_rad), sin(values.video_turn_rad)
     course = bends + np.column_stack([c * off[0] - s * off[1], s * off[0] + c * off[1]])
     rest: Vector = (course - basis @ (basis.T @ course)).ravel()
     return rest
 
 
-def _step(search: Search, window: Window, rest: Vector, basis: Vector) -> list[float]:
+def _step(search: Search, window: Window, rest: Vector, basis: Vector) -> CapstanParameters:
     """Take a damped step from the derivatives."""
     values, width = np.array(search.values), np.array(WIDTH)
     columns = []
@@ -224,13 +278,12 @@ def _step(search: Search, window: Window, rest: Vector, basis: Vector) -> list[f
     hessian = jacobian.T @ jacobian + np.eye(len(values))
     gradient = jacobian.T @ (rest / ERROR_RAD) + (values - np.array(START)) / width
     damped = hessian + search.damping * np.diag(np.diag(hessian))
-    search.spread = (width * np.sqrt(np.diag(np.linalg.inv(hessian)))).tolist()
+    search.spread = CapstanParameters(*(width * np.sqrt(np.diag(np.linalg.inv(hessian)))).tolist())
     moved = values - width * np.linalg.solve(damped, gradient)
-    inside: list[float] = np.clip(moved, LOW, HIGH).tolist()
-    return inside
+    return CapstanParameters(*np.clip(moved, LOW, HIGH).tolist())
 
 
-def _cost(values: Sequence[float], rest: Vector) -> float:
+def _cost(values: CapstanParameters, rest: Vector) -> float:
     away = (np.array(values) - np.array(START)) / np.array(WIDTH)
     return float((rest**2).sum() / ERROR_RAD**2 + (away**2).sum())
 

@@ -29,6 +29,7 @@ from endolock.control.predictive.target_prediction import SURE, SURE_AGAIN, Bank
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.control.transmission.linear_process import BEND_PER_HANDLE, LAG_S
+from endolock.control.transmission.plays import play_step
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
@@ -277,7 +278,7 @@ class Predictive:
         if memory.cautious:
             reach *= CAUTION
         before = memory.wanted or aim
-        one, other = (min(max(w, a - reach), a + reach) for w, a in zip(before, aim, strict=True))
+        one, other = (play_step(w, a, reach) for w, a in zip(before, aim, strict=True))
         memory.wanted = one, other
 
     def _tell_again(self) -> None:

@@ -1,8 +1,10 @@
 """The law of an elastic cable that rubs in a curved conduit, and its lumped form.
 
-Along a conduit of total curvature Theta with friction mu the tension of a moving wire changes by
-the capstan law, T_in/T_out = exp(+-S), S = a + b, with a = mu Theta along the conduit and
-b = mu_b |bend| in the bending section, whose own elasticity is left out. With k the stiffness of
+Along a conduit of wrap angle Theta (total absolute curvature) and friction coefficient mu, the
+tension of a moving wire changes by the capstan law, T_in/T_out = exp(+-S), S = a + b. The exponents
+are a = mu Theta of the conduit (`conduit_exponent` in code; mu is `conduit_friction`) and
+b = mu_b |bend| of the bending section (`section_exponent`; mu_b is `section_friction`), whose own
+elasticity is neglected. With k the stiffness of
 the whole cable, pulling it in by x raises the tension at the far end by
 
     dT = k dx / A on pull,      A = e^b (e^a - 1) / a
@@ -33,28 +35,29 @@ SMALLEST = 1e-3
 stiff and the formulas lose digits; the slopes are off by as much at the most."""
 
 
-def slip_slopes(a: float, b: float) -> tuple[float, float]:
+def slip_slopes(conduit_exponent: float, section_exponent: float) -> tuple[float, float]:
     """Travel per tension in units of 1/k, (A, B): while pulling and while releasing.
 
     Args:
-        a: friction times curvature of the conduit [1], > 0.
-        b: the same of the bending section [1], >= 0.
+        conduit_exponent: a [1], > 0.
+        section_exponent: b [1], >= 0.
     """
+    a, b = conduit_exponent, section_exponent
     return exp(b) * expm1(a) / a, exp(-b) * -expm1(-a) / a
 
 
-def compliances(a: float, b: float, nodes: int = 1) -> list[float]:
+def compliances(conduit_exponent: float, section_exponent: float, nodes: int = 1) -> list[float]:
     """Compliances of the springs from handle to section, in units of 1/k.
 
     Args:
-        a: friction times curvature of the conduit [1], >= 0.
-        b: the same of the bending section [1], >= 0; it acts behind the last node.
+        conduit_exponent: a [1], >= 0.
+        section_exponent: b [1], >= 0; it acts behind the last node.
         nodes: number n of friction nodes.
 
     Returns:
         n + 1 values [1].
     """
-    a = max(a / nodes, SMALLEST)
+    a, b = max(conduit_exponent / nodes, SMALLEST), section_exponent
     cosh_a, denominator = cosh(a), nodes * a * sinh(a + b)
     near = (cosh(a + b) - cosh(b)) / denominator
     far = max((cosh_a - 1) / denominator, SMALLEST / nodes)
@@ -64,13 +67,15 @@ def compliances(a: float, b: float, nodes: int = 1) -> list[float]:
     return [half, *[2 * half] * (nodes - 2), half + near, far]
 
 
-def friction_ratios(a: float, b: float, nodes: int = 1) -> list[float]:
+def friction_ratios(
+    conduit_exponent: float, section_exponent: float, nodes: int = 1
+) -> list[float]:
     """Friction bound of each node over the sum of the tensions on its two sides, tanh(S/2) [1].
 
     Args:
-        a: as for `compliances`.
-        b: as for `compliances`.
-        nodes: as for `compliances`.
+        conduit_exponent: a [1], >= 0.
+        section_exponent: b [1], >= 0; it acts behind the last node.
+        nodes: number n of friction nodes.
     """
-    a /= nodes
+    a, b = conduit_exponent / nodes, section_exponent
     return [tanh(a / 2)] * (nodes - 1) + [tanh((a + b) / 2)]

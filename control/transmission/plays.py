@@ -15,6 +15,7 @@ from math import pi
 
 import numpy as np
 
+from endolock.control.rms import rms
 from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.hw.api import ConfigError, Vector
@@ -70,11 +71,8 @@ class Hysteresis:
         bend = 0.0
         places = self.places
         for i, (r, w) in enumerate(zip(self.plays.radii, self.plays.weights, strict=True)):
-            z = places[i]
-            low, high = handle_rad - r, handle_rad + r
-            z = low if z < low else high if z > high else z
-            places[i] = z
-            bend += w * z
+            places[i] = play_step(places[i], handle_rad, r)
+            bend += w * places[i]
         return bend
 
     def handle_for(self, bend_rad: float) -> float:
@@ -138,16 +136,33 @@ def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[P
 
     columns = np.column_stack([play(handle_rad, r) for r in radii])
     weights, _ = nnls(columns, bend_rad)
-    misfit = float(np.sqrt(np.mean((columns @ weights - bend_rad) ** 2)))
+    misfit = rms(columns @ weights - bend_rad)
     least = 1e-9 * weights.sum()
     kept = [(float(r), float(w)) for r, w in zip(radii, weights, strict=True) if w > least]
     return Plays(radii=tuple(r for r, _ in kept), weights=tuple(w for _, w in kept)), misfit
 
 
-def play(handle_rad: Vector, radius_rad: float) -> Vector:
-    """One play behind a history of handle angles, from rest at 0 [rad]."""
-    places, z = np.empty(len(handle_rad)), 0.0
-    for n, h in enumerate(handle_rad.tolist()):
-        z = min(max(z, h - radius_rad), h + radius_rad)
-        places[n] = z
-    return places
+def play(handle_rad: Vector, radius_rad: float, start_rad: float = 0.0) -> Vector:
+    """Output of one play for a history of handle angles [rad].
+
+    Args:
+        handle_rad: handle angles, n [rad].
+        radius_rad: half-width r [rad], >= 0.
+        start_rad: output before the first of them [rad].
+    """
+    outputs, z = np.empty(len(handle_rad)), start_rad
+    for n, handle in enumerate(handle_rad.tolist()):
+        z = play_step(z, handle, radius_rad)
+        outputs[n] = z
+    return outputs
+
+
+def play_step(output_rad: float, handle_rad: float, radius_rad: float) -> float:
+    """Return the next output of a play, clip(z, h - r, h + r) [rad].
+
+    Args:
+        output_rad: output z so far [rad].
+        handle_rad: next handle angle h [rad].
+        radius_rad: half-width r [rad], >= 0.
+    """
+    return min(max(output_rad, handle_rad - radius_rad), handle_rad + radius_rad)

@@ -24,7 +24,7 @@ from math import cos, exp, hypot, pi, sin
 
 import numpy as np
 
-from endolock.control.transmission.cable import compliances as _springs
+from endolock.control.transmission.cable import compliances
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import ConfigError, Vector
 
@@ -59,8 +59,9 @@ class Geometry:
 class Cable:
     """The transmission, per bending stiffness K; one set of parameters for both wires."""
 
-    wrap_friction: float
-    """mu Theta of the conduit at the shaft's bend, residual included [1], >= 0."""
+    conduit_exponent: float
+    """Capstan exponent mu Theta of the conduit at the shaft's bend, residual wrap included [1],
+    >= 0."""
     section_friction: float
     """mu_b of the bending section [1], >= 0."""
     stiffness: float
@@ -86,7 +87,7 @@ class Axis:
         self.tensions = (0.0, 0.0)
         """Present tensions at the handle over K [1/m], of the wire that a positive angle pulls and
         of the other one."""
-        near, far = _springs(cable.wrap_friction, 0.0)
+        near, far = compliances(cable.conduit_exponent, 0.0)
         self._nodes = [min(0.0, cable.slack_m) * near / (near + far)] * 4  # both springs pull alike
         self._yielded = self._step_rad = self._handle_rad = 0.0
 
@@ -206,9 +207,9 @@ class Axis:
         """Stiffness on either side of the nodes, and k_w e^(+-S)/k_p."""
         made = self._cable
         b = made.section_friction * hypot(bend_rad, other_bend_rad)
-        near, far = _springs(made.wrap_friction, b)
+        near, far = compliances(made.conduit_exponent, b)
         k_p, k_w = made.stiffness / near, made.stiffness / far
-        up = exp(made.wrap_friction + b)
+        up = exp(made.conduit_exponent + b)
         return k_p, k_w, (k_w * up / k_p, k_w / up / k_p)
 
     def _lengths(self, bend: float) -> tuple[float, float, float, float]:
@@ -244,7 +245,7 @@ class BothAxes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transmission:
+class CableTransmission:
     """What lies between both handles and the section, the same on both axes."""
 
     cable: Cable

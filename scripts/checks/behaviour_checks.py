@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise, product
-from math import degrees, inf, radians
+from math import degrees, inf, pi, radians
 
 import mujoco
 import numpy as np
 
-from endolock.control.metrics import rms
+from endolock.control.rms import rms
 from endolock.hw.api import Command
 from endolock.scripts.checks.strokes import (
     SHAFTS_DEG,
@@ -26,6 +26,7 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.instrument_cable import transmission_of
 
 CHECKS: list[Check] = []
 
@@ -249,7 +250,7 @@ def surrogate() -> float:
 )
 def quasi_static() -> float:
     """Drive twin and quasi-static rig with the same goals [deg]."""
-    return apart_from_twin(rigs.wires_of(Instrument(), 180.0))
+    return apart_from_twin(transmission_of(Instrument(), pi))
 
 
 def apart_from_twin(transmission: Transmission) -> float:

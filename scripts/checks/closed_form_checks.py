@@ -18,7 +18,6 @@ from endolock.scripts.checks.strokes import (
     SHAFTS_DEG,
     Check,
     HandleMotion,
-    cable_of,
     check,
     hinges,
     still,
@@ -28,6 +27,7 @@ from endolock.twin.physics import closed_forms
 from endolock.twin.physics.closed_forms import PulledSection
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import NUMERICS, WIRES, Instrument, Numerics
+from endolock.twin.world.instrument_cable import cable_of
 
 CHECKS: list[Check] = []
 
@@ -249,8 +249,10 @@ def handle_tension() -> float:
     back = motion.between(motion.t[crest], 24)
     assert np.ptp(back.bend) < 0.01 * back.bend[0]  # the tip has not followed yet
     given_n = one.wire_stiffness * one.pulley_radius_m * (back.handle[0] - back.handle)
-    a = one.conduit_friction * one.wrap_at(pi)
-    travel_n, tension = closed_forms.reversal(a, back.proximal[0], NUMERICS["fidelity"].nodes)
+    exponent = one.conduit_exponent_at(pi)
+    travel_n, tension = closed_forms.reversal(
+        exponent, back.proximal[0], NUMERICS["fidelity"].nodes
+    )
     right = np.interp(given_n, travel_n, tension)
     return 100 * float(np.abs(back.proximal - right).max() / back.proximal[0])
 

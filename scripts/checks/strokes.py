@@ -9,7 +9,6 @@ from math import inf, pi, radians
 import mujoco
 import numpy as np
 
-from endolock.control.transmission.quasi_static import Cable
 from endolock.hw.api import AXES, Vector
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.world import scenario
@@ -114,18 +113,6 @@ def hinges(model: mujoco.MjModel, axis: int) -> list[int]:
     """Find the hinge angles of an axis (0 up_down, 1 left_right) in qpos, from base to tip."""
     joints = (model.joint(i) for i in range(model.njnt))
     return [int(j.qposadr[0]) for j in joints if j.name.startswith(f"hinge_{AXES[axis]}")]
-
-
-def cable_of(instrument: Instrument, shaft_rad: float) -> Cable:
-    """Return the transmission of an instrument with its shaft bent, per bending stiffness."""
-    stiffness = instrument.bending_stiffness
-    return Cable(
-        wrap_friction=instrument.conduit_friction * instrument.wrap_at(shaft_rad),
-        section_friction=instrument.section_friction,
-        stiffness=instrument.wire_stiffness / stiffness,
-        slack_m=instrument.slack_at(shaft_rad),
-        sheath=instrument.sheath_friction_nm / stiffness,
-    )
 
 
 def check(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import degrees, radians
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,12 +13,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from endolock.control.identification.fits import Fit, fit
-from endolock.control.transmission.quasi_static import Geometry
+from endolock.control.identification.fits import fit
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts.runs import handle_logs, output, run_folder
 from endolock.twin.world import instrument_files
-from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.instrument import Numerics
+from endolock.twin.world.instrument_cable import geometry_of, with_cable
 
 UNITS = {
     "mu_wrap": "1",
@@ -81,12 +81,7 @@ def perform(request: Request) -> dict[str, Any]:
         ConfigError: the log cannot be fitted, or the file not be written; nothing was.
     """
     base = instrument_files.load(request.base)
-    geometry = Geometry(
-        bending_length_m=base.bending_length_m,
-        wire_radius_m=base.wire_radius_m,
-        pulley_radius_m=base.pulley_radius_m,
-        hinges=request.hinges,
-    )
+    geometry = geometry_of(base, request.hinges)
     log = handle_logs.read(request.log)
     shaft_deg = _shaft_deg(request)
     target = _target(request)
@@ -108,7 +103,8 @@ def perform(request: Request) -> dict[str, Any]:
         "wall_s": wall_s,
         "instrument": str(target),
     }
-    text = instrument_files.dump(_instrument(found, base, shaft_deg), _header(request, record))
+    fitted = with_cable(base, found.cable, radians(shaft_deg), found.bending_stiffness)
+    text = instrument_files.dump(fitted, _header(request, record))
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -174,22 +170,6 @@ def _ours(target: Path) -> bool:
         return target.read_text("utf-8", errors="replace").startswith(MARK)
     except OSError:  # a folder, or not for us to read
         return False
-
-
-def _instrument(found: Fit, base: Instrument, shaft_deg: float) -> Instrument:
-    """The base with what was fitted; where K is not known it stays the base's."""
-    stiffness = found.bending_stiffness or base.bending_stiffness
-    cable = found.cable
-    return replace(
-        base,
-        bending_stiffness=stiffness,
-        wire_stiffness=cable.stiffness * stiffness,
-        slack_m=cable.slack_m,
-        slack_loss_m_per_rad=0.0,
-        conduit_friction=cable.wrap_friction / base.wrap_at(radians(shaft_deg)),
-        section_friction=cable.section_friction,
-        sheath_friction_nm=cable.sheath * stiffness,
-    )
 
 
 def _header(request: Request, record: dict[str, Any]) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from endolock.control.identification.fits import STEP_RAD, Log
+from endolock.control.identification.fits import STEP_RAD
+from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import thin
 from endolock.hw.api import AXES, ConfigError, Pose, Vector
 from endolock.scripts.runs import run_folder
@@ -35,7 +36,7 @@ LEAST_TURNS = 3
 """So that the first two thirds hold strokes in both directions."""
 
 
-def read(source: Path) -> Log:
+def read(source: Path) -> HandleLog:
     """Read and check a log.
 
     Args:
@@ -52,7 +53,7 @@ def read(source: Path) -> Log:
     return log
 
 
-def _folder(source: Path) -> Log:
+def _folder(source: Path) -> HandleLog:
     """Handle angles at the times of the tracker's poses."""
     ticks: pa.Table = run_folder.read(source, "ticks")
     columns = ticks["tracked_t"].to_pylist(), ticks["tracked_pose"].to_pylist()
@@ -70,10 +71,10 @@ def _folder(source: Path) -> Log:
     known = np.array(ticks["state_t"].to_pylist())
     handles = np.array(ticks["position_rad"].to_pylist())
     handle = np.column_stack([np.interp(times, known, column) for column in handles.T])
-    return Log(times, handle, np.array(vectors)[:, :2])
+    return HandleLog(times, handle, np.array(vectors)[:, :2])
 
 
-def _table(source: Path) -> Log:
+def _table(source: Path) -> HandleLog:
     try:
         with source.open(newline="", encoding="utf-8-sig") as file:
             head, *rows = csv.reader(file)
@@ -107,7 +108,7 @@ def _table(source: Path) -> Log:
             raise ConfigError(f"{source} has {', '.join(given)}", "give all four tensions, or none")
         tension = np.column_stack([columns[name] for name in TENSIONS])
     handle, bend = (np.column_stack([columns[n] for n in names]) for names in (HANDLES, BENDS))
-    return Log(np.array(columns[TIME]), handle, bend, tension)
+    return HandleLog(np.array(columns[TIME]), handle, bend, tension)
 
 
 def _number(source: Path, line: int, name: str, cell: str) -> float:
@@ -120,7 +121,7 @@ def _number(source: Path, line: int, name: str, cell: str) -> float:
     raise ConfigError(f"{source}, line {line}: {name} is {cell!r}", "use a finite number")
 
 
-def _check(log: Log) -> None:
+def _check(log: HandleLog) -> None:
     """See that a log can be fitted; the message lacks the file's name."""
     if len(log.t) < 2:
         raise ConfigError(f"{len(log.t)} rows", "record some periods of a slow triangle wave")

@@ -14,17 +14,16 @@ import numpy as np
 
 from endolock.control.transmission import plays, quasi_static
 from endolock.control.transmission.plays import ONE_PLAY, Plays
-from endolock.control.transmission.quasi_static import Geometry
 from endolock.hw.api import ConfigError, Rig, Vector
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
-from endolock.scripts.checks.strokes import cable_of
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
 from endolock.twin.world.instrument import NUMERICS, Instrument
+from endolock.twin.world.instrument_cable import transmission_of
 from endolock.twin.world.scenario import Scenario
 from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Eyes
@@ -260,24 +259,8 @@ def transmission(rig: str, instrument: Instrument, shaft_deg: float) -> Transmis
         shaft_deg: bend of its shaft [deg].
     """
     if rig == "quasi_static":
-        return wires_of(instrument, shaft_deg)
+        return transmission_of(instrument, radians(shaft_deg))
     return plays_behind(rig, instrument, shaft_deg)
-
-
-def wires_of(instrument: Instrument, shaft_deg: float) -> quasi_static.Transmission:
-    """Return the wires of an instrument as the quasi-static solver takes them.
-
-    Args:
-        instrument: what the endoscope is made of.
-        shaft_deg: bend of its shaft [deg].
-    """
-    geometry = Geometry(
-        bending_length_m=instrument.bending_length_m,
-        wire_radius_m=instrument.wire_radius_m,
-        pulley_radius_m=instrument.pulley_radius_m,
-    )
-    cable = cable_of(instrument, radians(shaft_deg))
-    return quasi_static.Transmission(cable=cable, geometry=geometry)
 
 
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
@@ -296,7 +279,7 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
     """
     handle = exercise()
     still = np.zeros(len(handle))
-    wires = wires_of(instrument, shaft_deg)
+    wires = transmission_of(instrument, radians(shaft_deg))
     bend, _ = quasi_static.simulate(wires.cable, wires.geometry, handle, still, still)
     return plays.fit(handle, bend, radii)[0]
 

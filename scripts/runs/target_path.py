@@ -11,14 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from endolock.control import metrics
+from endolock.control.rms import rms
 from endolock.control.scores import ErrorSummary
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Pose, Vector
 from endolock.twin.camera import optics
-from endolock.twin.surrogate import section_of
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import section_of
 from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 from endolock.vision import camera_model
@@ -94,12 +95,12 @@ def _best_constant(
         error: Vector = np.minimum(distance, metrics.BEHIND_PX)
         return error
 
-    def rms(bend: Vector) -> float:
-        return float(np.sqrt(np.mean(errors(bend) ** 2)))
+    def error_rms(bend: Vector) -> float:
+        return rms(errors(bend))
 
     low, high = bends.min(axis=0), bends.max(axis=0)
     axes = [np.arange(a, b + COARSE_RAD, COARSE_RAD) for a, b in zip(low, high, strict=True)]
     starts = [np.array([a, b]) for a in axes[0] for b in axes[1]]
-    start = min(starts, key=rms)
-    best = minimize(rms, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
+    start = min(starts, key=error_rms)
+    best = minimize(error_rms, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
     return errors(best.x)

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from endolock.control.identification.fits import Log, fit
+from endolock.control.identification.cable_parameters import figures
+from endolock.control.identification.fits import fit
+from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import cli
-from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.commands import hysteresis, identify
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table
@@ -39,6 +40,7 @@ from endolock.scripts.thesis import chapter_figures, chapter_runs, statements
 from endolock.twin.model import generate
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import cable_of
 
 ROOT = Path(__file__).resolve().parents[2]
 END = "<!-- end -->"
@@ -165,19 +167,11 @@ def identified() -> str:
             hysteresis.perform(request, show_progress=False)
             record = identify.perform(identify.Request(log=log))
         made = instrument_files.load(name)
-        cable = cable_of(made, radians(record["shaft_deg"]))
-        true = {
-            "mu_wrap": cable.wrap_friction,
-            "mu_section": cable.section_friction,
-            "k_over_K": cable.stiffness,
-            "slack_m": max(0.0, cable.slack_m),
-            "pretension_over_K": max(0.0, -cable.slack_m * cable.stiffness),
-            "sheath_over_K": cable.sheath,
-        }
+        true = figures(cable_of(made, radians(record["shaft_deg"])))
         for key, told in record["params"].items():
             known = "" if told["determined"] else "not determined"
-            figures = (f"{true[key]:.4g}", f"{told['value']:.4g}", f"{told['std']:.2g}")
-            rows.append([name, f"`{key}`", *figures, known])
+            cells = (f"{true[key]:.4g}", f"{told['value']:.4g}", f"{told['std']:.2g}")
+            rows.append([name, f"`{key}`", *cells, known])
         held, play = record["heldout_rms_deg"], record["play_heldout_rms_deg"]
         rows.append([name, f"held out, deg rms (a play: {play:.2f})", "", f"{held:.2f}", "", ""])
     head = ["instrument", "parameter", "true", "found", "+-", ""]
@@ -193,7 +187,7 @@ def misfitted() -> str:
     nothing = np.zeros(len(t))
     for plant in (foreign_plants.bouc_wen, foreign_plants.prandtl_ishlinskii):
         bend = np.column_stack([plant(handle) + noise, nothing])
-        found = fit(Log(t, np.column_stack([handle, nothing]), bend), Geometry())
+        found = fit(HandleLog(t, np.column_stack([handle, nothing]), bend), Geometry())
         errors = (found.fit_rms_rad, found.heldout_rms_rad, found.play_heldout_rms_rad)
         cells = [f"{degrees(error):.2f} deg" for error in errors]
         known = ", ".join(n for n, p in found.params.items() if p.determined) or "nothing"

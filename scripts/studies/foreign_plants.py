@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from endolock.control.transmission.plays import play
 from endolock.hw.api import Vector
 
 
@@ -38,9 +39,5 @@ def prandtl_ishlinskii(handle: Vector) -> Vector:
     """
     total = 0.25 * handle
     for width, weight in ((0.2, 0.15), (0.5, 0.2), (0.9, 0.1)):
-        at, taken = 0.0, []
-        for angle in handle:
-            at = min(max(at, angle - width / 2), angle + width / 2)
-            taken.append(at)
-        total = total + weight * np.array(taken)
+        total = total + weight * play(handle, width / 2)
     return np.asarray(total)

@@ -19,19 +19,19 @@ from pathlib import Path
 import numpy as np
 
 from endolock.control.identification import fits
-from endolock.control.identification.fits import Log
+from endolock.control.identification.handle_log import HandleLog
 from endolock.control.predictive.internal_model import RADII
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import image_gain
 from endolock.control.transmission.plays import Plays, fit, play
-from endolock.control.transmission.quasi_static import Cable, Geometry, Transmission
+from endolock.control.transmission.quasi_static import Cable, CableTransmission, Geometry
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli
-from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.runs import run_folder
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import cable_of
 
 SCENARIOS = ("straight", "circle", "triangle", "random")
 LAW = "predictive_bank"
@@ -54,7 +54,7 @@ def table() -> str:
     return markdown_table(["model, rms px", *SCENARIOS], [[m, *cells] for m, cells in rows.items()])
 
 
-def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:
+def _models(log: HandleLog, own: Vector) -> dict[str, Callable[[], Vector]]:
     """Return functions that predict the bends of a log, m x 2 [rad], by name."""
     known = cable_of(Instrument(), SHAFT_RAD)
     return {
@@ -70,7 +70,7 @@ def _models(log: Log, own: Vector) -> dict[str, Callable[[], Vector]]:
     }
 
 
-def _log(name: str) -> tuple[Log, Vector, float]:
+def _log(name: str) -> tuple[HandleLog, Vector, float]:
     """Run the lock; return its log, the bend of the lock's own model, and pixels per bend angle."""
     with tempfile.TemporaryDirectory() as place:
         experiment = Experiment(
@@ -90,10 +90,10 @@ def _log(name: str) -> tuple[Log, Vector, float]:
     own = np.concatenate([own[1:], own[-1:]])  # signals are logged with the command, a tick later
     distance_m = set_up["scenario"]["board"]["distance_m"]
     pixels = set_up["calibration"]["focal_px"] * image_gain(SectionGeometry(), distance_m, 1.0)
-    return Log(np.array(ticks["t"]), handle, bend), own, pixels
+    return HandleLog(np.array(ticks["t"]), handle, bend), own, pixels
 
 
-def _fitted_plays(log: Log, radii: tuple[float, ...]) -> Vector:
+def _fitted_plays(log: HandleLog, radii: tuple[float, ...]) -> Vector:
     columns = []
     for handle, bend in zip(log.handle.T, log.bend.T, strict=True):
         if np.ptp(bend) < RESTS_RAD:
@@ -111,15 +111,15 @@ def _forward(plays: Plays, handle: Vector) -> Vector:
     )
 
 
-def _fitted_cable(log: Log) -> Cable:
+def _fitted_cable(log: HandleLog) -> Cable:
     """Fit the axis that moves more, over the first half; the other axis uses the same cable."""
     half = len(log.t) // 2
-    first = Log(log.t[:half], log.handle[:half], log.bend[:half])
+    first = HandleLog(log.t[:half], log.handle[:half], log.bend[:half])
     return fits.fit(first, Geometry()).cable
 
 
-def _capstan(log: Log, cable: Cable) -> Vector:
-    axes = Transmission(cable=cable, geometry=Geometry()).at_rest()
+def _capstan(log: HandleLog, cable: Cable) -> Vector:
+    axes = CableTransmission(cable=cable, geometry=Geometry()).at_rest()
     return np.array([axes.follow((one, other)) for one, other in log.handle.tolist()])
 
 

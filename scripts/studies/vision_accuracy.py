@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from endolock.control.metrics import rms
+from endolock.control.rms import rms
 from endolock.hw.api import Image
 from endolock.scripts.studies import sequences
 from endolock.twin.camera.stills import Place, Studio

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from endolock.control.metrics import rms
+from endolock.control.rms import rms
 from endolock.hw.api import Vector
 from endolock.scripts.runs.batch import FOLLOWED
 from endolock.scripts.runs.target_path import hindsight

@@ -10,7 +10,7 @@ import pytest
 
 from endolock.control import analysis, registry
 from endolock.control.transmission.linear_process import Process, simc
-from endolock.control.transmission.plays import play
+from endolock.control.transmission.plays import play, play_step
 from endolock.hw.api import Vector
 
 INSTANT = Process(gain=1.4, lag_s=0.0, dead_s=0.43)
@@ -141,7 +141,7 @@ def _ring(kp: float, ki: float, process: Process, half: float, radius: float) ->
         v = integral + kp * error
         handle = v + half * np.sign(v - v_before)
         v_before = v
-        z = min(max(z, handle - radius), handle + radius)
+        z = play_step(z, handle, radius)
         tip += dt / process.lag_s * (process.gain * z - tip)
         line[n % delay] = tip
         course.append(v)

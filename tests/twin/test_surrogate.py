@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import Follower, SurrogateRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import transmission_of
 from endolock.vision import camera_model
 from endolock.vision.truth_eyes import TruthEyes
 
@@ -99,7 +101,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
 def test_laws_do_on_it_about_what_they_do_on_the_twin(name: str) -> None:
-    plays, wires = rigs.plays_of(Instrument(), 180.0), rigs.wires_of(Instrument(), 180.0)
+    plays, wires = rigs.plays_of(Instrument(), 180.0), transmission_of(Instrument(), pi)
     twin = {law: scored(TwinRig(name, pictures=False), law) for law in LAWS}
     # The same wires without inertia and gravity: 2 % measured.
     near = {law: scored(SurrogateRig(name, transmission=wires), law) for law in LAWS}
@@ -112,7 +114,7 @@ def test_laws_do_on_it_about_what_they_do_on_the_twin(name: str) -> None:
 
 
 def test_wires_widen_the_loop_with_the_bend_of_the_other_axis() -> None:
-    wires = rigs.wires_of(Instrument(), 180.0)
+    wires = transmission_of(Instrument(), pi)
     widths = []
     for other in (0.0, 1.0):
         axes = wires.at_rest()

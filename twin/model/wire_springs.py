@@ -25,9 +25,9 @@ def spring_stiffness(
         bend_rad: bend of the section, both axes together [rad], >= 0.
     """
     k = instrument.wire_stiffness
-    a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
-    b = instrument.section_friction * bend_rad
-    return [k / c for c in cable.compliances(a, b, nodes)]
+    conduit_exponent = instrument.conduit_exponent_at(shaft_bend_rad)
+    section_exponent = instrument.section_friction * bend_rad
+    return [k / c for c in cable.compliances(conduit_exponent, section_exponent, nodes)]
 
 
 def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> list[float]:
@@ -49,6 +49,5 @@ def rest_friction(instrument: Instrument, nodes: int) -> list[float]:
     """Friction bounds of the nodes of a wire at rest with a straight shaft [N]."""
     stretch = -rest_slides(instrument, nodes, 0.0)[0]
     tension = stretch * spring_stiffness(instrument, nodes, 0.0, 0.0)[0]
-    a = instrument.conduit_friction * instrument.wrap_at(0.0)
-    ratios = cable.friction_ratios(a, 0.0, nodes)
+    ratios = cable.friction_ratios(instrument.conduit_exponent_at(0.0), 0.0, nodes)
     return [max(ratio * 2 * tension, LEAST_FRICTION_N) for ratio in ratios]

@@ -81,11 +81,13 @@ class PulledSection:
         return self.instrument.bending_length_m / self.hinges, bend_rad / (self.hinges / 2)
 
     def _slopes(self, bend_rad: float) -> tuple[float, float]:
-        a = self.instrument.conduit_friction * self.instrument.wrap_at(self.shaft_bend_rad)
-        return cable.slip_slopes(a, self.instrument.section_friction * abs(bend_rad))
+        return cable.slip_slopes(
+            self.instrument.conduit_exponent_at(self.shaft_bend_rad),
+            self.instrument.section_friction * abs(bend_rad),
+        )
 
 
-def reversal(a: float, peak_n: float, nodes: int) -> tuple[Vector, Vector]:
+def reversal(conduit_exponent: float, peak_n: float, nodes: int) -> tuple[Vector, Vector]:
     """Tension at the handle of a pulled cable that is given back before its far end moves.
 
     When the wire slides back to a depth x of its conduit (0 to 1), and beyond still stands under
@@ -94,14 +96,14 @@ def reversal(a: float, peak_n: float, nodes: int) -> tuple[Vector, Vector]:
     2/n ... 1 and go straight in between.
 
     Args:
-        a: friction times curvature [1], > 0.
+        conduit_exponent: capstan exponent a of the conduit [1], > 0.
         peak_n: tension at the handle before the reversal [N].
         nodes: number n of nodes.
 
     Returns:
         Travel of the handle's end times k [N], and tension there [N], at the n + 1 corners.
     """
-    x = np.arange(nodes + 1) / nodes
+    a, x = conduit_exponent, np.arange(nodes + 1) / nodes
     return peak_n / a * (1 - np.exp(-a * x)) ** 2, peak_n * np.exp(-2 * a * x)
 
 

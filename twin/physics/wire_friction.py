@@ -72,12 +72,12 @@ class WireFriction:
             self._bend_shaft(shaft_bend_rad)
         qpos = self._qpos.tolist()
         bend_rad = hypot(sum(qpos[self._up_down]), sum(qpos[self._left_right]))
-        b = self._instrument.section_friction * bend_rad
+        exponents = self._conduit_exponent, self._instrument.section_friction * bend_rad
         k, wires = self._instrument.wire_stiffness, len(WIRES)
-        stiffness = [k / c for c in cable.compliances(self._a, b, self._nodes) for _ in WIRES]
+        stiffness = [k / c for c in cable.compliances(*exponents, self._nodes) for _ in WIRES]
         self._stiffness[:] = stiffness
         tension = self._tensions(stiffness)
-        ratios = cable.friction_ratios(self._a, b, self._nodes)
+        ratios = cable.friction_ratios(*exponents, self._nodes)
         self._friction[:] = [
             max(ratios[i // wires] * (tension[i] + tension[i + wires]), LEAST_FRICTION_N)
             for i in range(self._nodes * wires)
@@ -98,7 +98,7 @@ class WireFriction:
         """Keep what follows from the bend of the shaft alone."""
         instrument = self._instrument
         self._shaft_bend_rad = shaft_bend_rad
-        self._a = instrument.conduit_friction * instrument.wrap_at(shaft_bend_rad)
+        self._conduit_exponent = instrument.conduit_exponent_at(shaft_bend_rad)
         self._distal_rest[:] = self._taut + instrument.slack_at(shaft_bend_rad)
         self._rest[-len(WIRES) :] = self._distal_rest.tolist()
 

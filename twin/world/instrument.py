@@ -131,6 +131,10 @@ class Instrument:
         """Total absolute curvature of the bent shaft [rad], the residual included."""
         return self.residual_wrap_rad + abs(shaft_bend_rad)
 
+    def conduit_exponent_at(self, shaft_bend_rad: float) -> float:
+        """Capstan exponent mu Theta of the conduit with the shaft bent [1]."""
+        return self.conduit_friction * self.wrap_at(shaft_bend_rad)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics:

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endolock.control.identification.fits import Fit, Log, fit
+from endolock.control.identification.fits import CableFit, fit
+from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry, thin
 from endolock.hw.api import Vector
 from endolock.scripts.checks.strokes import still, turn
@@ -43,7 +44,7 @@ def triangle(peak: float = PEAK_RAD, periods: int = 3) -> list[tuple[float, floa
 
 
 @cache
-def log_of(instrument: Instrument, seed: int, *, tensions: bool = False) -> Log:
+def log_of(instrument: Instrument, seed: int, *, tensions: bool = False) -> HandleLog:
     """Record three periods at 50 Hz with a noisy tracker and an encoder of 0.09 deg."""
     plant = still(instrument)
     random, step = np.random.default_rng(seed), instrument.encoder_step_rad
@@ -57,7 +58,7 @@ def log_of(instrument: Instrument, seed: int, *, tensions: bool = False) -> Log:
         wires = motion.proximal[rows], nothing, motion.opposite[rows], nothing
         measured = np.column_stack(wires)
         pulls = np.maximum(measured + 0.1 * random.standard_normal(measured.shape), 0.0)
-    return Log(
+    return HandleLog(
         motion.t[rows],
         np.column_stack([handle, nothing]),
         np.column_stack([bend, nothing]),
@@ -69,7 +70,7 @@ def truth(instrument: Instrument) -> dict[str, float]:
     stiffness = instrument.bending_stiffness
     pretension = max(0.0, -instrument.slack_m * instrument.wire_stiffness)
     return {
-        "mu_wrap": instrument.conduit_friction * instrument.wrap_at(pi),
+        "mu_wrap": instrument.conduit_exponent_at(pi),
         "mu_section": instrument.section_friction,
         "k_over_K": instrument.wire_stiffness / stiffness,
         "slack_m": max(0.0, instrument.slack_m),
@@ -81,7 +82,7 @@ def truth(instrument: Instrument) -> dict[str, float]:
     }
 
 
-def check(found: Fit, instrument: Instrument, wanted: set[str]) -> None:
+def check(found: CableFit, instrument: Instrument, wanted: set[str]) -> None:
     """What is called determined is right to 10 %, and what must be determined is."""
     right = truth(instrument)
     determined = {name for name, p in found.params.items() if p.determined}
@@ -117,7 +118,9 @@ def test_a_log_may_begin_anywhere(missing: float) -> None:
     """In the first stroke out, in the one back, and after it; the model begins at rest."""
     twin, whole = random_twin(0), log_of(random_twin(0), 0)
     rows = slice(int(missing * len(whole.t)), None)
-    check(fit(Log(whole.t[rows], whole.handle[rows], whole.bend[rows]), Geometry()), twin, TIGHT)
+    check(
+        fit(HandleLog(whole.t[rows], whole.handle[rows], whole.bend[rows]), Geometry()), twin, TIGHT
+    )
 
 
 def test_a_geometry_that_is_not_its_determines_nothing() -> None:
@@ -159,7 +162,7 @@ def test_a_plant_of_another_kind_is_seen_to_be_one(
     handle = np.interp(t, times, angles)
     bend = plant(handle) + NOISE_RAD * np.random.default_rng(0).standard_normal(len(t))
     nothing = np.zeros(len(t))
-    log = Log(t, np.column_stack([handle, nothing]), np.column_stack([bend, nothing]))
+    log = HandleLog(t, np.column_stack([handle, nothing]), np.column_stack([bend, nothing]))
     found = fit(log, Geometry())
     assert found.noise_rad == pytest.approx(NOISE_RAD, rel=0.1)  # of 4000 rows
     assert found.misfit

@@ -6,20 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endolock.control.identification.hysteresis_loop import Branch, deadband, lost_after_turn, width
+from endolock.control.transmission.plays import play
 from endolock.hw.api import Vector
 
 GAIN = 0.7
 """Bend per handle while it follows."""
 
 
-def _follow(handle: Vector, play: float, dead: float) -> Vector:
+def _follow(handle: Vector, width: float, dead: float) -> Vector:
     """Bend behind an ideal play and a deadband around zero, by gain."""
-    out = np.empty_like(handle)
-    taken = handle[0] - play / 2 if handle[-1] > handle[0] else handle[0] + play / 2
-    for n, angle in enumerate(handle):
-        taken = min(max(taken, angle - play / 2), angle + play / 2)
-        out[n] = np.sign(taken) * max(0.0, abs(taken) - dead / 2)
-    return GAIN * out
+    start = handle[0] - width / 2 if handle[-1] > handle[0] else handle[0] + width / 2
+    taken = play(handle, width / 2, float(start))
+    return GAIN * np.sign(taken) * np.maximum(0.0, np.abs(taken) - dead / 2)
 
 
 def _loop(play: float, dead: float = 0.0, noise: float = 0.0) -> tuple[Branch, Branch]:

@@ -12,6 +12,7 @@ N = 4000
 RANDOM = np.random.default_rng(0)
 WHITE = 0.3 * RANDOM.standard_normal(N)
 RAMP = np.linspace(-1.0, 1.0, N)
+NAMES = ("offset", "slope")
 LINE = np.column_stack([np.ones(N), RAMP])
 
 
@@ -23,6 +24,7 @@ def _spread(
     model_error: float = 0.0,
 ) -> Spread:
     return Spread(
+        names=NAMES,
         residuals=residuals,
         jacobian=jacobian,
         scale=(1.0, 1.0),
@@ -33,62 +35,63 @@ def _spread(
 
 def test_white_noise_gives_the_textbook_value_of_a_line() -> None:
     spread = _spread(LINE)
-    assert spread.parameter(1.0, {0: 1.0}).std == pytest.approx(0.3 / sqrt(N), rel=0.1)
+    assert spread.parameter(1.0, {"offset": 1.0}).std == pytest.approx(0.3 / sqrt(N), rel=0.1)
     # the variance of a slope over +-1 is 3/N; 10 %: noise of 4000 rows and their correlation
-    assert spread.parameter(1.0, {1: 1.0}).std == pytest.approx(0.3 * sqrt(3 / N), rel=0.1)
+    assert spread.parameter(1.0, {"slope": 1.0}).std == pytest.approx(0.3 * sqrt(3 / N), rel=0.1)
 
 
 def test_it_does_not_depend_on_units() -> None:
     milli = Spread(
+        names=NAMES,
         residuals=WHITE,
         jacobian=LINE * [1.0, 1e-3],
         scale=(1.0, 1e3),
         stuck=(False, False),
         model_error=0.1,
     )
-    usual = _spread(LINE, model_error=0.1).parameter(1.0, {1: 1.0}).std
-    assert milli.parameter(1e3, {1: 1.0}).std == pytest.approx(1e3 * usual)  # rounding
+    usual = _spread(LINE, model_error=0.1).parameter(1.0, {"slope": 1.0}).std
+    assert milli.parameter(1e3, {"slope": 1.0}).std == pytest.approx(1e3 * usual)  # rounding
 
 
 def test_noise_that_drags_on_counts_more() -> None:
     """A moving average over m rows leaves N/m that are independent."""
     slow = np.convolve(RANDOM.standard_normal(N + 19), np.full(20, 1 / sqrt(20)), "valid")
     fast = slow[RANDOM.permutation(N)]
-    stds = [_spread(LINE, off).parameter(1.0, {0: 1.0}).std for off in (fast, slow)]
+    stds = [_spread(LINE, off).parameter(1.0, {"offset": 1.0}).std for off in (fast, slow)]
     # sqrt(20), or sqrt(39) by its neighbours alone, with which the Spread is content
     assert sqrt(20) * 0.8 < stds[1] / stds[0] < sqrt(39) * 1.2
 
 
 def test_an_error_of_the_model_does_not_average_out() -> None:
-    once = _spread(LINE, model_error=1.0).parameter(1.0, {0: 1.0}).std
+    once = _spread(LINE, model_error=1.0).parameter(1.0, {"offset": 1.0}).std
     assert once == pytest.approx(1.0, rel=0.01)  # an offset by all of it; the noise is 0.005
 
 
 @pytest.mark.parametrize("jacobian", [np.column_stack([RAMP, RAMP]), np.zeros((N, 2))])
 def test_what_has_no_effect_is_not_determined(jacobian: Vector) -> None:
     """Of two numbers of which only the sum counts, and of two that do nothing."""
-    for column in (0, 1):
-        told = _spread(jacobian).parameter(1.0, {column: 1.0})
+    for name in NAMES:
+        told = _spread(jacobian).parameter(1.0, {name: 1.0})
         assert isfinite(told.std)
         assert told.std > 1e3
         assert not told.determined
 
 
 def test_the_sum_of_two_can_be_determined_where_neither_is() -> None:
-    told = _spread(np.column_stack([RAMP, RAMP])).parameter(1.0, {0: 1.0, 1: 1.0})
+    told = _spread(np.column_stack([RAMP, RAMP])).parameter(1.0, {"offset": 1.0, "slope": 1.0})
     assert told.determined
     assert told.std == pytest.approx(0.3 * sqrt(3 / N), rel=0.1)  # as of one slope
 
 
 def test_a_bound_determines_nothing() -> None:
     spread = _spread(LINE, stuck=(True, False))
-    assert not spread.parameter(1.0, {0: 1.0}).determined
-    assert spread.parameter(1.0, {1: 1.0}).determined
+    assert not spread.parameter(1.0, {"offset": 1.0}).determined
+    assert spread.parameter(1.0, {"slope": 1.0}).determined
 
 
 def test_five_percent_are_the_limit() -> None:
     spread = _spread(LINE)
-    std = spread.parameter(1.0, {0: 1.0}).std
-    assert spread.parameter(1.01 * std / DETERMINED, {0: 1.0}).determined
-    assert not spread.parameter(0.99 * std / DETERMINED, {0: 1.0}).determined
-    assert not spread.parameter(0.0, {0: 1.0}).determined
+    std = spread.parameter(1.0, {"offset": 1.0}).std
+    assert spread.parameter(1.01 * std / DETERMINED, {"offset": 1.0}).determined
+    assert not spread.parameter(0.99 * std / DETERMINED, {"offset": 1.0}).determined
+    assert not spread.parameter(0.0, {"offset": 1.0}).determined

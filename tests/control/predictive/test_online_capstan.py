@@ -14,18 +14,33 @@ from hypothesis import strategies as st
 from endolock.control import loop, registry
 from endolock.control.predictive import online_capstan
 from endolock.control.predictive.internal_model import PRIOR, RADII, InternalModel, started
-from endolock.control.predictive.online_capstan import CABLE, START, Search, Track
+from endolock.control.predictive.online_capstan import (
+    CABLE,
+    START,
+    CapstanParameters,
+    Search,
+    Track,
+)
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import Mode, State, Vector
-from endolock.scripts.checks.strokes import cable_of
 from endolock.scripts.runs.experiment import Experiment
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import cable_of
 from endolock.vision.truth_eyes import TruthEyes
 
-TIGHT = Cable(wrap_friction=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05)
-TRUE = (0.7, 0.2, START[2] + 0.2, -3e-3, 0.05, 0.02)
+TIGHT = Cable(
+    conduit_exponent=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05
+)
+TRUE = CapstanParameters(
+    conduit_exponent=0.7,
+    section_friction=0.2,
+    log_stiffness=START.log_stiffness + 0.2,
+    slack_m=-3e-3,
+    video_turn_rad=0.05,
+    shift_s=0.02,
+)
 """A plant of the model's own kind, turned video and all."""
 
 
@@ -69,14 +84,14 @@ def _exercise(t: Vector) -> Vector:
 
 def _frames(t: Vector, handles: Vector) -> list[tuple[float, float, float]]:
     """What a camera would see of a target that moves smoothly, with the plant `TRUE`."""
-    track = Track(list(TRUE), ([], []))
+    track = Track(TRUE, ([], []))
     track.go_on([(a, b) for a, b in handles.tolist()])
     bends = np.array(track.bends)
     exposed = np.arange(4.0, float(t[-1]) - 0.5, 0.04)
-    moments = exposed + TRUE[-1]
+    moments = exposed + TRUE.shift_s
     bend = np.column_stack([np.interp(moments, t, column) for column in bends.T])
     target = np.column_stack([0.3 * np.cos(0.8 * moments), 0.3 * np.sin(0.6 * moments)])
-    c, s = np.cos(TRUE[-2]), np.sin(TRUE[-2])
+    c, s = np.cos(TRUE.video_turn_rad), np.sin(TRUE.video_turn_rad)
     off = (target - bend) @ np.array([[c, -s], [s, c]])  # turned the other way
     return [(float(e), float(x), float(y)) for e, (x, y) in zip(exposed, off, strict=True)]
 
@@ -98,7 +113,7 @@ def test_the_search_finds_the_plant_from_what_the_lock_sees() -> None:
     search, _ = _searched()
     assert search.misfit_rad < 0.003  # splines leave that much of the target
     # shapes are told, the slope hardly: stiffness and slack make up for each other
-    assert search.values[0] == pytest.approx(TRUE[0], abs=0.1)
+    assert search.values.conduit_exponent == pytest.approx(TRUE.conduit_exponent, abs=0.1)
     assert search.values[CABLE:] == pytest.approx(TRUE[CABLE:], abs=0.01)
 
 
@@ -197,7 +212,7 @@ def test_a_plant_without_hysteresis_needs_no_capstan() -> None:
 def test_the_default_instrument_lies_within_the_bounds() -> None:
     for shaft in (0.0, 6.28):
         cable = cable_of(Instrument(), shaft)
-        values = (cable.wrap_friction, cable.section_friction, cable.stiffness, cable.slack_m)
+        values = (cable.conduit_exponent, cable.section_friction, cable.stiffness, cable.slack_m)
         low, high = list(online_capstan.LOW[:CABLE]), list(online_capstan.HIGH[:CABLE])
         low[2], high[2] = exp(low[2]), exp(high[2])
         assert all(a <= v <= b for a, v, b in zip(low, values, high, strict=True))

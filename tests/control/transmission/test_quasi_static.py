@@ -11,12 +11,15 @@ from hypothesis import strategies as st
 
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry, simulate
 from endolock.hw.api import ConfigError, Vector
-from endolock.scripts.checks.strokes import cable_of, still, turn
+from endolock.scripts.checks.strokes import still, turn
 from endolock.twin.physics.closed_forms import PulledSection
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.world.instrument_cable import cable_of
 
-TIGHT = Cable(wrap_friction=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05)
+TIGHT = Cable(
+    conduit_exponent=0.66, section_friction=0.2, stiffness=8e4, slack_m=-3e-3, sheath=0.05
+)
 
 
 def _alone(cable: Cable, handle: Vector, hinges: int = 12) -> tuple[Vector, Vector]:
@@ -91,7 +94,7 @@ def test_two_axes_share_no_state() -> None:
 
 
 def test_without_friction_there_is_no_loop() -> None:
-    smooth = replace(TIGHT, wrap_friction=0.0, section_friction=0.0, sheath=0.0)
+    smooth = replace(TIGHT, conduit_exponent=0.0, section_friction=0.0, sheath=0.0)
     stroke = np.linspace(-1.5, 1.5, 151)
     out, back = _alone(smooth, np.concatenate([stroke, stroke[::-1]]))[0].reshape(2, -1)
     assert out == pytest.approx(back[::-1], abs=1e-6)

@@ -15,7 +15,7 @@ from endolock.scripts import cli
 from endolock.scripts.runs import handle_logs
 from endolock.twin.world import instrument_files
 
-MADE = Cable(wrap_friction=0.6, section_friction=0.18, stiffness=9e4, slack_m=-3e-3, sheath=0.08)
+MADE = Cable(conduit_exponent=0.6, section_friction=0.18, stiffness=9e4, slack_m=-3e-3, sheath=0.08)
 COLUMNS = (handle_logs.TIME, *handle_logs.HANDLES, *handle_logs.BENDS)
 Rows = dict[str, Vector]
 
