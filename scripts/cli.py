@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Union
 
 import endolock
 from endolock.hw.api import ConfigError, EndolockError, HardwareError
@@ -92,6 +92,9 @@ def _dispatch(args: list[str]) -> int:
 
     from endolock.scripts.commands.doctor import examination
 
+    if args == ["--version"]:
+        print(endolock.__version__)
+        return 0
     if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
         return examination.main(parse(examination.Request, "endolock doctor", args[1:]))
     try:
@@ -117,37 +120,25 @@ def _dispatch(args: list[str]) -> int:
             f"MuJoCo cannot load OpenGL with MUJOCO_GL={endolock.opengl()} ({error})",
             "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it",
         ) from error
-    commands: Any = (
-        Annotated[run.Request, tyro.conf.subcommand("run")]
-        | Annotated[compare.Request, tyro.conf.subcommand("compare")]
-        | Annotated[hysteresis.Request, tyro.conf.subcommand("hysteresis")]
-        | Annotated[identify.Request, tyro.conf.subcommand("identify")]
-        | Annotated[latency.Request, tyro.conf.subcommand("latency")]
-        | Annotated[board.Request, tyro.conf.subcommand("board")]
-        | Annotated[calibrate.Request, tyro.conf.subcommand("calibrate")]
-        | Annotated[watch.Request, tyro.conf.subcommand("watch")]
-        | Annotated[bus.Request, tyro.conf.subcommand("bus")]
-        | Annotated[view.Request, tyro.conf.subcommand("view")]
-        | Annotated[emulator.Request, tyro.conf.subcommand("emulator")]
-        | Annotated[examination.Request, tyro.conf.subcommand("doctor")]
-        | Annotated[benchmark.Request, tyro.conf.subcommand("benchmark")]
-    )
-    mains: dict[type, Callable[[Any], int]] = {
-        run.Request: run.main,
-        compare.Request: compare.main,
-        hysteresis.Request: hysteresis.main,
-        identify.Request: identify.main,
-        latency.Request: latency.main,
-        board.Request: board.main,
-        calibrate.Request: calibrate.main,
-        watch.Request: watch.main,
-        bus.Request: bus.main,
-        view.Request: view.main,
-        emulator.Request: emulator.main,
-        benchmark.Request: benchmark.main,
+    modules: dict[str, Any] = {
+        "run": run,
+        "compare": compare,
+        "hysteresis": hysteresis,
+        "identify": identify,
+        "latency": latency,
+        "board": board,
+        "calibrate": calibrate,
+        "watch": watch,
+        "bus": bus,
+        "view": view,
+        "emulator": emulator,
+        "doctor": examination,
+        "benchmark": benchmark,
     }
-    request = parse(commands, "endolock", args)
-    return mains[type(request)](request)
+    kinds = [Annotated[m.Request, tyro.conf.subcommand(name)] for name, m in modules.items()]
+    request = parse(Union[tuple(kinds)], "endolock", args)  # noqa: UP007
+    (command,) = (m for m in modules.values() if type(request) is m.Request)
+    return int(command.main(request))
 
 
 def _fail(message: str, code: int) -> int:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import endolock
 from endolock.control import registry
-from endolock.scripts.studies import docs
+from endolock.scripts.studies import api_page, docs
 from endolock.twin.model import generate
 
 ROOT = Path(__file__).parents[1]
@@ -14,10 +15,31 @@ NOT_SIMPLE = {"predictive", "predictive_bank", "oracle", "repetitive"}
 """They identify or know the transmission, or know the period."""
 
 
-def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    exec(compile(example, "README.md", "exec"), {})
-    assert 0 < float(capsys.readouterr().out) < 640  # an error within the picture
+def test_the_python_examples_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL):
+        exec(compile(block, "README.md", "exec"), names)
+    first, second = capsys.readouterr().out.splitlines()
+    assert 0 < float(first) < 640  # an error within the picture
+    error, folder = second.split()
+    assert float(error) == pytest.approx(float(first))  # the same run, in memory and in a folder
+    assert (tmp_path / folder / "metrics.json").exists()
+
+
+def test_the_python_example_uses_public_names_alone() -> None:
+    (first, *_) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    for line in re.findall(r"^(?:from|import) .*$", first, re.MULTILINE):
+        _, _, listed = line.partition("from endolock import ")
+        assert set(listed.split(", ")) <= set(endolock.__all__), line
+
+
+def test_the_api_page_lists_the_public_names() -> None:
+    assert (ROOT / "docs/api.md").read_text() == api_page.page()
+    listed = [name for names in api_page.GROUPS.values() for name in names]
+    assert sorted([*listed, "__version__"]) == sorted(endolock.__all__)
 
 
 @pytest.mark.parametrize("law", ["still", "pi", "ik", "constant"])

@@ -2,8 +2,7 @@
 
 from math import degrees, pi, sin
 
-from endolock.hw.api import Command
-from endolock.twin.rig import TwinRig
+from endolock import Command, TwinRig
 
 with TwinRig("rest", pictures=False) as rig:
     rig.actuators.enable()

@@ -1,14 +1,10 @@
 """How much the latency alone costs: one controller, three latencies, no pictures."""
 
+from endolock import TruthEyes, TwinRig, load_scenario, run, score
 from endolock.control.laws.pi import PI
-from endolock.control.loop import run
-from endolock.control.metrics import score
-from endolock.twin.rig import TwinRig
-from endolock.twin.world import scenario
-from endolock.vision.truth_eyes import TruthEyes
 
 for latency_s in (0.0, 0.2, 0.4):
-    loaded = scenario.load("straight", {"camera.latency_s": latency_s})
+    loaded = load_scenario("straight", {"camera.latency_s": latency_s})
     with TwinRig(loaded, pictures=False) as rig:
         camera = rig.camera.calibration
         result = run(rig, TruthEyes(rig.truth), PI(camera), duration_s=4)

@@ -1,11 +1,6 @@
 """A controller of your own: step towards the target, a little with every frame."""
 
-from endolock.control.loop import run
-from endolock.control.metrics import score
-from endolock.hw.api import Command, State
-from endolock.twin.rig import TwinRig
-from endolock.vision.marker_eyes import MarkerEyes
-from endolock.vision.observation import Observation, Status
+from endolock import Command, MarkerEyes, Observation, State, Status, TwinRig, run, score
 
 STEP_RAD_PER_PX = 4e-5
 

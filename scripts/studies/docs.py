@@ -27,6 +27,7 @@ from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.studies import (
     ablation,
+    api_page,
     controller_benchmark,
     controller_calibration,
     ensemble,
@@ -72,6 +73,7 @@ The same with `--vision truth`: what eyes that make no error would let these law
 def main(_args: list[str]) -> int:
     """Regenerate the models and their card, and the figures and pictures in docs/."""
     console = Console(stderr=True)
+    (ROOT / "docs" / "api.md").write_text(api_page.page(), encoding="utf-8")
     console.print("models")
     generate.main()
     models = generate.folder().parent

@@ -1,0 +1,217 @@
+"""Controllers from files and from Python: checks, parameters, output, and errors in one line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from endolock import Command, ConfigError, Experiment, read_run
+from endolock.control import user_law
+from endolock.scripts import cli
+from endolock.scripts.runs import run_folder
+
+QUICK = ["--vision", "truth", "--duration-s", "2"]
+LAW = """
+from endolock import Command
+
+class Law:
+    def __init__(self, angle): self.angle = angle
+    def reset(self, state): pass
+    def update(self, t, state, observation):
+        self.signals = {"twice": 2 * self.angle}
+        return Command(position=(self.angle, 0.0))
+
+def make(calibration, angle=0.0, *, unused=1): return Law(angle)
+"""
+
+
+def run(file: Path, *vary: str) -> Experiment:
+    """Half a second of a law from a file; its folder lies beside it."""
+    return Experiment(
+        scenario="rest",
+        controller=str(file),
+        vision="truth",
+        vary=vary,
+        duration_s=0.5,
+        out=file.parent / "run",
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "why"),
+    [
+        ("return Command(position=(0.0,))", "position (0.0,) at 0.00 s; return two finite"),
+        ("return Command(position=(float('nan') if t > 1 else 0.0, 0.0))", "(nan, 0.0) at 1.02 s"),
+        ("return (0.0, 0.0)", "update returned tuple at 0.00 s; return endolock.Command"),
+        ("return None", "update returned NoneType"),
+        ("return Command(position=['a', 'b'])", "position ['a', 'b']"),
+        ("raise KeyError('gain')", "update failed: KeyError: 'gain' (line 8)"),
+    ],
+)
+def test_a_law_that_goes_wrong_ends_the_run_with_one_line_and_a_closed_folder(
+    body: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from endolock.hw.api import Command\n\n\n"
+        "class Law:\n"
+        "    def reset(self, state): pass\n"
+        "\n"
+        "    def update(self, t, state, observation):\n"
+        f"        {body}\n\n\n"
+        "def make(calibration): return Law()\n"
+    )
+    out = tmp_path / "run"
+    args = ["run", "circle", "--controller", str(file), *QUICK, "--out", str(out)]
+    assert cli.main(args) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert why in said
+    assert "mine.py" in said
+    rows = run_folder.read(out, "ticks")
+    assert len(rows) == (52 if "1.02" in why else 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("x = 1", "defines no make(calibration)"),
+        ("def make(calibration): return 3", "make returned int, which has no reset()"),
+        ("import nothing_of_that_name", "cannot be executed: ModuleNotFoundError"),
+    ],
+)
+def test_a_file_that_makes_no_law_is_refused(text: str, why: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    request = Experiment(
+        scenario="rest", controller=str(file), vision="truth", out=tmp_path / "run"
+    )
+    with pytest.raises(ConfigError) as caught:
+        request.run()
+    assert why in str(caught.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_good_law_from_a_file_runs(tmp_path: Path) -> None:
+    file = tmp_path / "still.py"
+    file.write_text(
+        "from endolock.hw.api import Command\n\n\n"
+        "class Law:\n"
+        "    def reset(self, state): self.at = state.position\n"
+        "    def update(self, t, state, seen): return Command(position=self.at)\n\n\n"
+        "def make(calibration): return Law()\n"
+    )
+    request = Experiment(
+        scenario="rest", controller=str(file), vision="truth", duration_s=1.0, out=tmp_path / "run"
+    )
+    record = request.run()
+    assert record.controller == "still"
+    assert record.as_dict()["error_px"]["max"] < 1.0  # nothing moves
+
+
+def test_parameters_of_make_are_set_by_vary_and_signals_are_recorded(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW)
+    record = run(file, "law.angle=0.25").run()
+    last = read_run(record.folder).ticks.to_pylist()[-1]
+    assert last["command_rad"] == [0.25, 0.0]
+    assert last["signals"] == [("twice", 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("law.angel=1", "mine.py: make has no parameter angel; use angle, unused; did you mean"),
+        ("law.calibration=1", "mine.py: make has no parameter calibration"),
+    ],
+)
+def test_an_unknown_parameter_is_refused(change: str, why: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW)
+    with pytest.raises(ConfigError, match=why):
+        run(file, change).resolve()
+
+
+def test_a_file_is_executed_once_and_again_after_a_change(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(f"print('executed'){LAW}")
+    run(file).run()
+    out, err = capsys.readouterr()
+    assert err.count("executed") == 1  # checked and made from one execution
+    assert out == ""  # standard output belongs to --json -
+    file.write_text(f"print('changed'){LAW}")
+    user_law.load(str(file))
+    assert "changed" in capsys.readouterr().err
+
+
+def test_a_module_beside_the_file_can_be_imported_and_shadows_nothing(tmp_path: Path) -> None:
+    (tmp_path / "gains_of_mine.py").write_text("ANGLE = 0.125\n")
+    (tmp_path / "json.py").write_text("raise RuntimeError('shadows the standard library')\n")
+    file = tmp_path / "mine.py"
+    text = LAW.replace("return Law(angle)", "return Law(gains_of_mine.ANGLE)")
+    file.write_text(f"import json.decoder\nimport gains_of_mine\n{text}")
+    assert json_decoder_of(user_law.load(str(file)))
+    ticks = read_run(run(file).run().folder).ticks
+    assert ticks["command_rad"][-1].as_py() == [0.125, 0.0]
+
+
+def json_decoder_of(law: user_law.UserLaw) -> bool:
+    """Whether the standard library's json was imported by the file."""
+    return hasattr(law.function.__globals__["json"].decoder, "JSONDecoder")
+
+
+def test_an_error_names_the_line_in_the_file_itself(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW.replace("self.signals = ", "import math; math.sqrt(-1.0); x = "))
+    with pytest.raises(ConfigError, match=r"update failed: ValueError: .* \(line 8\)"):
+        run(file).run()
+    file.write_text(LAW.replace("self.signals = {", "import numpy; numpy.linalg.inv([[0.0]]); {"))
+    with pytest.raises(ConfigError, match=r"mine\.py: update failed: .*\(line 8\)"):
+        replace(run(file), out=tmp_path / "second").run()  # not the line in NumPy that raises
+    file.write_text("def make(calibration:\n")
+    with pytest.raises(ConfigError, match=r"mine\.py: cannot be executed: SyntaxError: .*line 1"):
+        run(file).resolve()
+
+
+class Steady:
+    """Holds one angle; an object made in Python."""
+
+    def __init__(self) -> None:
+        self.signals = {"angle": 0.5}
+
+    def reset(self, state: object) -> None:
+        """Nothing to forget."""
+
+    def update(self, t: float, state: object, observation: object) -> Command:
+        """Always the same."""
+        return Command(position=(0.5, 0.0))
+
+
+@pytest.mark.parametrize("controller", [Steady(), lambda calibration: Steady()])
+def test_an_object_or_what_makes_one_gets_a_run_folder(controller: object, tmp_path: Path) -> None:
+    record = Experiment(
+        scenario="rest",
+        controller=controller,  # type: ignore[arg-type]  # any object with the two methods
+        vision="truth",
+        duration_s=0.5,
+        out=tmp_path / "run",
+    ).run()
+    assert record.controller == ("Steady" if isinstance(controller, Steady) else "function")
+    ticks = read_run(record.folder).ticks
+    assert ticks["command_rad"][-1].as_py() == [0.5, 0.0]
+    assert ticks["signals"][-1].as_py() == [("angle", 0.5)]
+
+
+def test_an_object_without_the_methods_is_refused(tmp_path: Path) -> None:
+    experiment = Experiment(
+        scenario="rest",
+        controller=3,  # type: ignore[arg-type]  # on purpose
+        vision="truth",
+        out=tmp_path / "run",
+    )
+    with pytest.raises(ConfigError, match="3 has no update"):
+        experiment.run()
+    assert not (tmp_path / "run").exists()
