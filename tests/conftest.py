@@ -4,6 +4,6 @@ from hypothesis import settings
 
 import endolock  # noqa: F401
 
-# Machines are shared: how long one example takes says nothing.
+# The machine may be busy: the time that one example takes means nothing.
 settings.register_profile("endolock", deadline=None)
 settings.load_profile("endolock")

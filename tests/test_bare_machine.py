@@ -1,4 +1,4 @@
-"""What the README promises holds on bare machines; the wheel works by itself; 40 minutes."""
+"""The commands of the README on bare machines, and the wheel by itself: 40 minutes."""
 
 import os
 import shutil
@@ -19,8 +19,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.bare]
 def test_a_bare_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> None:
     if os.geteuid() != 0 or shutil.which("apt-get") is None:
         pytest.fail(
-            "a bare machine needs root on Debian or Ubuntu; run this there as root, or the other "
-            'long tests with ./run slow -m "slow and not bare"'
+            "a bare machine needs root on Debian or Ubuntu; run this there as root, or run the "
+            'other long tests with ./run slow -m "slow and not bare"'
         )
     assert "passed" in _script(suite, case)
 
@@ -33,8 +33,8 @@ def test_the_wheel_runs_by_itself(version: str) -> None:
 
 
 def _script(*arguments: str) -> str:
-    """Runs the script; its output, which is printed too."""
-    # `timeout` ends the script by a signal, on which it still removes what it made.
+    """Run the script; print and return its output."""
+    # `timeout` ends the script with a signal, and the script removes its files then.
     command = ["timeout", str(HALF_AN_HOUR_S), str(SCRIPT), *arguments]
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False
@@ -47,7 +47,7 @@ def _script(*arguments: str) -> str:
 
 
 def _python(version: str) -> str:
-    """A Python of that version which can make environments: on the path, or from pyenv."""
+    """Find a Python of a version that can make environments, on the path or from pyenv."""
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
     found = [shutil.which(f"python{version}"), *pyenv.glob(f"versions/{version}.*/bin/python")]
     for python in [str(path) for path in found if path]:

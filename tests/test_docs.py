@@ -1,4 +1,4 @@
-"""What README and the model card say is what the code does."""
+"""README, CONTRIBUTING and the model card agree with the code and with the measured pages."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from endolock.twin.model import generate
 
 ROOT = Path(__file__).parents[1]
 NOT_SIMPLE = {"predictive", "predictive_bank", "oracle", "repetitive"}
-"""They identify or know the transmission, or know the period."""
+"""These identify the transmission, know it, or know the period."""
 
 
 def test_the_python_examples_run(
@@ -49,7 +49,7 @@ def test_the_readme_shows_the_measured_table(law: str) -> None:
     assert shown == [*measured[:6], *measured[7:]]  # without the error of vision
 
 
-def test_the_readme_compares_with_what_moves_as_the_benchmark_has_it() -> None:
+def test_the_readme_quotes_the_benchmark() -> None:
     text = " ".join((ROOT / "README.md").read_text().split())
     promised = re.search(
         r"On `straight` it is at ([\d.]+) px, .* `(\w+)`, at ([\d.]+) px and the best constant "
@@ -63,10 +63,10 @@ def test_the_readme_compares_with_what_moves_as_the_benchmark_has_it() -> None:
     simple = [name for name in registry.LAWS if name not in NOT_SIMPLE]
     measured = []
     for name in ("straight", "circle"):
-        told = dict(zip(head, _row(page, f"| {name} |"), strict=True))
-        rms = {law: float(told[law].split()[0]) for law in simple}  # (lost ... %) may follow
+        row = dict(zip(head, _row(page, f"| {name} |"), strict=True))
+        rms = {law: float(row[law].split()[0]) for law in simple}  # (lost ... %) may follow
         least = min(simple, key=rms.__getitem__)
-        measured.append((told["predictive_bank"], least, told[least], told["constant"]))
+        measured.append((row["predictive_bank"], least, row[least], row["constant"]))
     own, law, best, constant, *on_circle = promised.groups()
     assert (own, law, best, constant) == measured[0]
     own, best, law, constant = on_circle
@@ -74,12 +74,12 @@ def test_the_readme_compares_with_what_moves_as_the_benchmark_has_it() -> None:
 
 
 def _row(document: Path, start: str) -> list[str]:
-    """Cells of the first table row that starts so; rows of runs without pictures come later."""
+    """Cells of the first table row with this start; rows of runs without pictures come later."""
     row, *_ = [line for line in document.read_text().splitlines() if line.startswith(start)]
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
-def test_links_in_documents_lead_somewhere() -> None:
+def test_links_in_documents_work() -> None:
     for document in (ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
         for link in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
             assert (document.parent / link).exists(), link
@@ -89,14 +89,14 @@ def test_the_model_card_lists_the_defaults() -> None:
     assert docs.parameters() in (generate.folder() / "README.md").read_text()
 
 
-def test_the_schema_for_editors_is_that_of_the_code() -> None:
-    place = generate.folder().parent / "scenarios"
-    assert (place / "schema.json").read_text() == docs.schema()
-    for file in place.glob("*.toml"):
+def test_the_schema_for_editors_is_made_from_the_code() -> None:
+    folder = generate.folder().parent / "scenarios"
+    assert (folder / "schema.json").read_text() == docs.schema()
+    for file in folder.glob("*.toml"):
         assert file.read_text().startswith("#:schema schema.json\n")  # what editors look for
 
 
-def test_the_readme_promises_of_vision_no_more_than_was_measured() -> None:
+def test_the_readme_claims_no_more_of_vision_than_was_measured() -> None:
     text = " ".join((ROOT / "README.md").read_text().split())
     promised = re.search(r"target to ([\d.]+) px rms and its depth to ([\d.]+) %", text)
     worst = re.search(r"no place more than ([\d.]+) px off", text)

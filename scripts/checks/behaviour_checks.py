@@ -64,6 +64,12 @@ def drift() -> float:
     return degrees(worst)
 
 
+@cache
+def width_at(shaft_deg: float) -> float:
+    """Return the loop width at 30 deg with the shaft bent, as a fraction of 180 deg."""
+    return width(loop(still(shaft_deg=shaft_deg), 1.6, 20.0), 30)
+
+
 @check(
     CHECKS,
     "loop width at 30 deg, shaft at 180 deg",
@@ -75,7 +81,7 @@ def drift() -> float:
 )
 def calibrated_width() -> float:
     """Width at 30 deg of bend with the shaft bent 180 deg, of 180 deg."""
-    return width(loop(still(), 1.6, 20.0), 30)
+    return width_at(180.0)
 
 
 @check(
@@ -88,7 +94,7 @@ def calibrated_width() -> float:
 )
 def growth_with_shaft() -> float:
     """Smallest growth of the width at 30 deg from shaft 0 to 180 to 360 deg [%]."""
-    widths = [width(loop(still(shaft_deg=s), 1.6, 20.0), 30) for s in SHAFTS_DEG]
+    widths = [width_at(shaft_deg) for shaft_deg in SHAFTS_DEG]
     return 100 * min(b / a - 1 for a, b in pairwise(widths))
 
 
@@ -102,11 +108,11 @@ def growth_with_shaft() -> float:
 )
 def growth_with_other_axis() -> float:
     """Growth of the width at 30 deg with the other axis bent by 60 deg [%]."""
-    alone, beside = still(), still()
+    beside = still()
     angle = 0.0
     while beside.data.qpos[hinges(beside.model, 1)].sum() < radians(60):
         turn(beside, [(0.0, angle), (0.1, angle := angle + 0.02)], axis=1)
-    return 100 * (width(loop(beside, 1.6, 20.0), 30) / width(loop(alone, 1.6, 20.0), 30) - 1)
+    return 100 * (width(loop(beside, 1.6, 20.0), 30) / width_at(180.0) - 1)
 
 
 @check(

@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +15,32 @@ from endolock.hw.api import ConfigError, Mode, Pose
 from endolock.scripts import cli
 from endolock.scripts.commands import hysteresis
 from endolock.scripts.commands.hysteresis import Request
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import hysteresis_protocol, run_folder
 from endolock.scripts.runs.hysteresis_protocol import Protocol
 from endolock.twin.pose_tracker import TwinPoseTracker
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import instrument_files
 
 
-def _measured(**options: Any) -> dict[str, Any]:
-    return hysteresis.perform(Request(**options), show_progress=False)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a whole measurement of the default instrument, with what --json wrote."""
+    out = tmp_path_factory.mktemp("hysteresis") / "run"
+    args = ["hysteresis", "--out", str(out), "--json", str(out.parent / "told.json")]
+    assert cli.main(args) == 0
+    return out
 
 
-def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft() -> None:
-    half = _measured()
-    straight, whole = (_measured(shaft_deg=deg, numerics="fast") for deg in (0.0, 360.0))
+def _loop(**options: Any) -> dict[str, Any]:
+    """Figures of the loop alone, without the one-sided strokes and the drift."""
+    request = Request(numerics="fast", **options)
+    strokes, other_axis_rad, _ = hysteresis._strokes(request, False, whole=False)
+    return hysteresis.figures(strokes) | {"other_axis_deg": degrees(other_axis_rad)}
+
+
+def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft(folder: Path) -> None:
+    half = json.loads((folder / "hysteresis.json").read_text())
+    straight, whole = (_loop(shaft_deg=deg) for deg in (0.0, 360.0))
     assert 0.18 <= half["width"]["30"] <= 0.22  # w = 0.2 has one digit in the excerpt
     assert straight["width"]["30"] < half["width"]["30"] < whole["width"]["30"]
     assert half["deadband_rad"] == 0.0
@@ -43,9 +56,7 @@ def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft() -> None:
 
 @pytest.mark.parametrize("axis", ["up_down", "left_right"])
 def test_the_other_axis_widens_the_loop(axis: Any) -> None:
-    alone, beside = (
-        _measured(axis=axis, other_axis_deg=deg, numerics="fast") for deg in (0.0, 60.0)
-    )
+    alone, beside = (_loop(axis=axis, other_axis_deg=deg) for deg in (0.0, 60.0))
     assert beside["other_axis_deg"] == pytest.approx(60, abs=2)  # found by turning slowly
     assert beside["width"]["30"] > 1.15 * alone["width"]["30"]
 
@@ -53,15 +64,17 @@ def test_the_other_axis_widens_the_loop(axis: Any) -> None:
 def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
     slack = instrument_files.load("slack")
     right = pytest.approx(2 * slack.slack_m / slack.pulley_radius_m, rel=0.1)
-    assert _measured(instrument="slack", numerics="fast")["deadband_rad"] == right
-    assert (
-        _measured(instrument="two_region", shaft_deg=0.0, numerics="fast")["deadband_rad"] == right
-    )
-    assert _measured(instrument="two_region", numerics="fast")["deadband_rad"] == 0.0
+    assert _loop(instrument="slack")["deadband_rad"] == right
+    assert _loop(instrument="two_region", shaft_deg=0.0)["deadband_rad"] == right
+    assert _loop(instrument="two_region")["deadband_rad"] == 0.0
 
 
-def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes() -> None:
-    record = _measured(shaft_deg=540.0, numerics="fast")
+def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # which is not looked at here
+    request = Request(shaft_deg=540.0, numerics="fast")
+    record = hysteresis.perform(request, show_progress=False)
     assert record["width"]["30"] > 0.3  # the loop is told all the same
     for ways in record["strokes"].values():
         assert ways["back"]["30"] is None
@@ -69,27 +82,24 @@ def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes() -> None:
 
 
 def test_half_the_speed_changes_no_width(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual = _measured(numerics="fast")["width"]
-    monkeypatch.setattr("endolock.scripts.runs.hysteresis_protocol.SPEED_RAD_S", 0.1)
-    slower = _measured(numerics="fast")["width"]
+    usual = _loop()["width"]
+    monkeypatch.setattr(hysteresis_protocol, "SPEED_RAD_S", 0.1)
+    slower = _loop()["width"]
     assert usual == pytest.approx(slower, rel=0.02)  # quasi-static; noise of the tracker is 0.5 %
 
 
-def test_a_folder_holds_log_figures_and_picture(tmp_path: Path) -> None:
-    out, told = tmp_path / "run", tmp_path / "told.json"
-    args = ["hysteresis", "--numerics", "fast", "--out", str(out), "--json", str(told)]
-    assert cli.main(args) == 0
-    record = json.loads(told.read_text())
-    assert record == json.loads((out / "hysteresis.json").read_text())
-    ticks = run_folder.read(out, "ticks").to_pylist()
+def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
+    record = json.loads((folder.parent / "told.json").read_text())
+    assert record == json.loads((folder / "hysteresis.json").read_text())
+    ticks = run_folder.read(folder, "ticks").to_pylist()
     assert sum(row["tracked_pose"] is not None for row in ticks) > 0.99 * len(ticks)
     assert all(row["bend_rad"] is None for row in ticks)  # a log holds nothing a bench has not
     handles = [row["position_rad"][0] for row in ticks]
     assert max(handles) == pytest.approx(record["crest_rad"], abs=0.02)  # servo lag, 2 ticks
-    configuration = run_folder.configuration(out)
+    configuration = run_folder.configuration(folder)
     assert configuration["scenario"]["shaft_bend_deg"] == 180.0
     assert configuration["versions"]["mujoco"] == mujoco.__version__
-    picture = cv2.imread(str(out / "hysteresis.png"))
+    picture = cv2.imread(str(folder / "hysteresis.png"))
     assert picture is not None
     assert picture.shape[1] > 1000
 
@@ -98,7 +108,9 @@ def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """With few points; an other axis that does not bend so far leaves a row without figures."""
     monkeypatch.setattr(hysteresis, "MAP_OTHER_DEG", (0, 40, 170))
     monkeypatch.setattr(hysteresis, "MAP_SHAFT_DEG", (0, 180))
-    record = _measured(numerics="fast", map=True)
+    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # only the loops are looked at here
+    monkeypatch.setattr(Protocol, "_one_sided", lambda *_: {})
+    record = hysteresis.perform(Request(numerics="fast", map=True), show_progress=False)
     near, beside, beyond = record["map"]["width"]
     assert all(a < b for a, b in zip(near[:5], beside[:5], strict=True))
     assert set(beyond) == {None}
