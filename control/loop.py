@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
+from endolock.hw.api import PERIOD_S as PERIOD_S
 from endolock.hw.api import Clock, Command, ConfigError, Frame, Pose, Rig, State, TruthSample
 from endolock.vision.observation import Eyes, Observation, Status
 
-PERIOD_S = 0.020
-"""Control period [s]: 50 Hz, two ticks to a frame."""
 BLIND_S = 2.0
 """Without a new frame for longer than this [s] the video has stopped: the lock is lost, and the
 handles hold until one comes. Assumed: twice the longest latency here, and some."""

@@ -35,6 +35,9 @@ from endolock.hw.errors import StateError as StateError
 AXES = ("up_down", "left_right")
 """The two handle axes, in the order used everywhere."""
 
+PERIOD_S = 0.020
+"""Control period [s]: 50 Hz, two ticks per frame."""
+
 Vector = NDArray[np.float64]
 Image = NDArray[np.uint8]
 

@@ -1,18 +1,21 @@
-"""A memory of handle states that can be asked for any moment of the recent past."""
+"""Handle states of the recent past, interpolated in time."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from endolock.hw.api import State
 
+KEPT_S = 2.5
+"""An `AngleHistory` reaches this far back [s]: more than any latency here."""
+
 
 class History:
-    """States in the order of time, with linear interpolation in between.
+    """States in order of time, with linear interpolation in between.
 
     Args:
-        span_s: how far back it reaches [s].
+        span_s: how far back it reaches at least [s].
     """
 
     def __init__(self, span_s: float = 10.0) -> None:
@@ -33,7 +36,9 @@ class History:
             del self._times[:old], self._states[:old]
 
     def at(self, t: float) -> State:
-        """Return the state at time `t` [s]: the one before, its position and velocity interpolated.
+        """Return the state at time `t` [s].
+
+        Position and velocity are interpolated; all else is that of the state before `t`.
 
         Raises:
             LookupError: `t` lies before the first or after the last state.
@@ -53,6 +58,38 @@ class History:
             position=_mix(before.position, after.position, w),
             velocity=_mix(before.velocity, after.velocity, w),
         )
+
+
+@dataclass
+class AngleHistory:
+    """Handle angles of the last `KEPT_S`: plain numbers, so that who keeps them can be saved."""
+
+    times: list[float] = field(default_factory=list)
+    """[s], rising."""
+    angles: list[tuple[float, float]] = field(default_factory=list)
+    """(up_down, left_right) at these times [rad]."""
+
+    def append(self, state: State) -> None:
+        """Add the newest state; one that is no newer than the last is ignored."""
+        if self.times and state.t <= self.times[-1]:
+            return
+        self.times.append(state.t)
+        self.angles.append((state.position[0], state.position[1]))
+        while self.times[0] < state.t - KEPT_S:
+            del self.times[0], self.angles[0]
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Return the handle angles at time `t` [rad], interpolated; at least one is needed.
+
+        Before the first and after the last time they are taken to be constant.
+        """
+        n = bisect_right(self.times, t)
+        if n == 0 or n == len(self.times):
+            up_down, left_right = self.angles[0 if n == 0 else -1]
+            return up_down, left_right
+        w = (t - self.times[n - 1]) / (self.times[n] - self.times[n - 1])
+        up_down, left_right = _mix(self.angles[n - 1], self.angles[n], w)
+        return up_down, left_right
 
 
 def _mix(a: tuple[float, ...], b: tuple[float, ...], w: float) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.bare]
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("suite", ["bookworm", "trixie"])
 def test_a_bare_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> None:
-    if os.geteuid() != 0 or shutil.which("apt-get") is None:
+    if sys.platform == "win32" or os.geteuid() != 0 or shutil.which("apt-get") is None:
         pytest.fail(
             "a bare machine needs root on Debian or Ubuntu; run this there as root, or run the "
             'other long tests with ./run slow -m "slow and not bare"'

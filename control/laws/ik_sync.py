@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import isfinite
 
-from endolock.control.laws.handle_history import Past
 from endolock.control.laws.inverse_kinematics import IKMemory, InverseKinematics, aimed
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.hw.api import Calibration, ConfigError, State
+from endolock.hw.history import AngleHistory
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -43,7 +43,7 @@ class IKSyncMemory(IKMemory):
 
     distance_m: float | None = None
     """Depth of the target, as last told by markers [m]."""
-    past: Past = field(default_factory=Past)
+    past: AngleHistory = field(default_factory=AngleHistory)
     """Where the handles were."""
 
 
@@ -76,7 +76,7 @@ class SynchronousIK(InverseKinematics):
     def _look(self, state: State, observation: Observation | None) -> None:
         """Renew the aim with a frame that shows the target; else keep it."""
         memory, believed = self.memory, self._believed
-        memory.past.add(state)
+        memory.past.append(state)
         if observation is None or observation.status is not Status.TRACKING:
             return
         if isfinite(observation.distance_m):

@@ -20,7 +20,6 @@ from endolock.hw.api import Calibration, Command, ConfigError, State, TruthSampl
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
 
-HOLD_S = 0.030
 SPAN = 5
 """So many past places of the target carry the parabola."""
 
@@ -31,7 +30,7 @@ class OracleSettings:
 
     plays: Plays = ONE_PLAY
     """Hysteresis of the instrument; that of the twin in use is given by whoever makes the law."""
-    lead_s: float = linear_process.LAG_S + HOLD_S
+    lead_s: float = linear_process.LAG_S + linear_process.HOLD_S
     """Command to motion [s], >= 0: servo and tip, one and a half control periods."""
     correct_s: float = 0.15
     """Time constant with which the model is corrected [s], > 0. Source: measured; a quicker one

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from endolock.control.laws.handle_history import Past
 from endolock.control.laws.pi import error
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.history import AngleHistory
 from endolock.vision.observation import Observation, Status
 
 
@@ -53,7 +53,7 @@ class SmithMemory:
     """Where the handles were at its exposure [rad]."""
     t: float | None = None
     """Of the last tick [s]."""
-    past: Past = field(default_factory=Past)
+    past: AngleHistory = field(default_factory=AngleHistory)
     """Where the handles were."""
 
 
@@ -92,7 +92,7 @@ class Smith:
         See `Controller.update`.
         """
         memory = self.memory
-        memory.past.add(state)
+        memory.past.append(state)
         if observation is not None:
             memory.error = None
             if observation.status is Status.TRACKING:

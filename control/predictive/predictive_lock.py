@@ -28,7 +28,7 @@ from endolock.control.predictive.internal_model import MIN_FRAMES, InternalModel
 from endolock.control.predictive.target_prediction import SURE, SURE_AGAIN, Bank, Harmonic, Mover
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.control.transmission.linear_process import BEND_PER_HANDLE, LAG_S
+from endolock.control.transmission.linear_process import BEND_PER_HANDLE, HOLD_S, LAG_S
 from endolock.control.transmission.plays import play_step
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision import camera_model
@@ -62,7 +62,7 @@ class PredictiveSettings:
     """Least standard deviation of what vision tells [px], > 0. Assumed: five times markers'."""
     latency_uncertainty_s: float = 0.02
     """Exposures are known to this [s]: while handles turn, frames are trusted less. Assumed."""
-    lead_s: float = LAG_S + 0.030
+    lead_s: float = LAG_S + HOLD_S
     """Command to motion [s], >= 0: servo, tip, one and a half control periods."""
     reversal_rad: float = 0.001
     """Smaller changes of the wanted bend do not turn the handles back [rad], >= 0."""

@@ -25,6 +25,7 @@ from endolock.hw import boards, files
 from endolock.hw.api import AXES, Calibration, ConfigError
 from endolock.hw.camera import camera_file
 from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.port import BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.files import Section
 
@@ -67,7 +68,7 @@ class Handles(Section):
 class Bench(Section):
     """A whole bench; the defaults fit two motors that were set up by `endolock doctor`."""
 
-    baud: int = 1_000_000
+    baud: int = BAUD
     """Of the bus [1/s]; 57600 or more: at 9600 one cycle takes longer than a silence may last."""
     board: str = "rings"
     """Which printed board the camera looks at."""

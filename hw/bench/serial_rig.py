@@ -12,10 +12,9 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.camera.video_camera import VideoCamera
-from endolock.hw.dynamixel.port import serial_port
+from endolock.hw.dynamixel.port import BITS, serial_port
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES, TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
-from endolock.hw.emulator.bus_server import BITS
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig, close_all
 

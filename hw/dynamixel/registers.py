@@ -16,11 +16,19 @@ from endolock.hw.api import Fault
 
 
 class Register(NamedTuple):
-    """Where a value is."""
+    """Address and size of a value in the control table."""
 
     address: int
     size: int
     """[bytes]"""
+
+    def encode(self, value: int) -> bytes:
+        """Return the bytes of a value, little-endian; negative ones in two's complement."""
+        return (value % (1 << 8 * self.size)).to_bytes(self.size, "little")
+
+    def decode(self, data: bytes | bytearray) -> int:
+        """Return the signed value of these bytes."""
+        return int.from_bytes(data, "little", signed=True)
 
 
 MODEL = Register(0, 2)

@@ -125,7 +125,7 @@ class Bus:
     def read(self, device: int, register: Register) -> int:
         """Read a register as a signed number."""
         data = self._ask(device, Instruction.READ, pack("<HH", *register), size=register.size)
-        return int.from_bytes(data, "little", signed=True)
+        return register.decode(data)
 
     def write(self, device: int, register: Register, value: int | bytes) -> None:
         """Write a register.
@@ -134,7 +134,7 @@ class Bus:
             HardwareError: the motor refused.
         """
         if isinstance(value, int):
-            value = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
+            value = register.encode(value)
         self._ask(device, Instruction.WRITE, pack("<H", register.address) + value, size=0)
 
     def reboot(self, device: int) -> None:
@@ -144,10 +144,9 @@ class Bus:
 
     def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
         """Write one register of several motors at once; nobody answers."""
-        size = register.size
         data = pack("<HH", *register)
         for device, value in values.items():
-            data += bytes((device,)) + (value % (1 << 8 * size)).to_bytes(size, "little")
+            data += bytes((device,)) + register.encode(value)
         request = encode(BROADCAST, Instruction.SYNC_WRITE, data)
         self._told(lambda: self._send(request))
 
@@ -171,7 +170,7 @@ class Bus:
                 parts = split_fast(packet.parameters, register.size)
             for _, device, part in parts:
                 if len(part) == register.size:
-                    found[device] = int.from_bytes(part, "little", signed=True)
+                    found[device] = register.decode(part)
         return found
 
     def bulk_read(self, registers: Mapping[int, Register]) -> dict[int, int]:
@@ -184,7 +183,7 @@ class Bus:
         request = encode(BROADCAST, Instruction.BULK_READ, data)
         answers = {p.id: p.parameters[1:] for p in self._collect(request, tuple(registers))}
         return {
-            device: int.from_bytes(answers[device], "little", signed=True)
+            device: register.decode(answers[device])
             for device, register in registers.items()
             if len(answers.get(device, b"")) == register.size
         }
@@ -202,7 +201,7 @@ class Bus:
         request = self._read_blocks
         if goals is not None:
             parts = (
-                bytes((i,)) + g.to_bytes(4, "little", signed=True)
+                bytes((i,)) + reg.GOAL_POSITION.encode(g)
                 for i, g in zip(self._ids, goals, strict=True)
             )
             data = self._goals + b"".join(parts)

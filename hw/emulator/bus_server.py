@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from endolock.hw.emulator.pty_line import PtyLine, sleep_to
-from endolock.hw.emulator.servo_model import Servo
+from endolock.hw.dynamixel.port import BITS
+from endolock.hw.emulator.emulated_bus import AnsweringBus
 
-BITS = 10
-"""Of a byte on the wire: start, eight, stop."""
+if TYPE_CHECKING:
+    from endolock.hw.emulator.pty_line import PtyLine
 
-
-class AnsweringBus(Protocol):
-    """An `EmulatedBus`, or one whose wire has faults."""
-
-    @property
-    def servos(self) -> Sequence[Servo]:
-        """What is on the line."""
-
-    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes in, return answers."""
+SPIN_S = 2e-4
+"""The rest of a wait is spent looking at the clock [s]; the system wakes late."""
 
 
 class BusServer:
@@ -51,3 +42,12 @@ class BusServer:
         if answers:
             self.line.write(b"".join(answers))
         return True
+
+
+def sleep_to(deadline: float) -> None:
+    """Return at a reading of `time.monotonic()` [s], to some microseconds."""
+    left = deadline - time.monotonic()
+    if left > SPIN_S:
+        time.sleep(left - SPIN_S)
+    while time.monotonic() < deadline:
+        pass

@@ -34,12 +34,12 @@ class DirectLink:
 
     def read(self, device: int, register: Register) -> int:
         """Read a register as a signed number."""
-        return int.from_bytes(self._servo(device).read(*register), "little", signed=True)
+        return register.decode(self._servo(device).read(*register))
 
     def write(self, device: int, register: Register, value: int | bytes) -> None:
         """Write a register."""
         if isinstance(value, int):
-            value = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
+            value = register.encode(value)
         try:
             self._servo(device).write(register.address, value)
         except Refused as refused:
@@ -61,7 +61,7 @@ class DirectLink:
             servo.heard()
             if goals is not None:
                 try:
-                    data = goals[place].to_bytes(4, "little", signed=True)
+                    data = reg.GOAL_POSITION.encode(goals[place])
                     servo.write(reg.GOAL_POSITION.address, data)
                 except Refused:
                     pass  # the block shows it, as on a bus

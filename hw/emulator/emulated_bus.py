@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from struct import unpack_from
+from typing import Protocol
 
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import (
@@ -23,6 +24,17 @@ from endolock.hw.emulator.servo_model import Refused, Servo
 
 UNFINISHED_S = 0.003
 """A packet that stops half-way is given up after so long [s]. Assumed."""
+
+
+class AnsweringBus(Protocol):
+    """An `EmulatedBus`, or one whose wire has faults."""
+
+    @property
+    def servos(self) -> Sequence[Servo]:
+        """What is on the line."""
+
+    def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
+        """Take bytes in, return answers."""
 
 
 class EmulatedBus:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from endolock.hw.api import PortGone
-from endolock.hw.emulator.bus_server import AnsweringBus
+from endolock.hw.dynamixel.port import BAUD
+from endolock.hw.emulator.emulated_bus import AnsweringBus
 from endolock.hw.errors import RESUME
 
 
@@ -17,7 +18,7 @@ class Loopback:
 
     name = "loopback"
 
-    def __init__(self, bus: AnsweringBus, baud: int = 1_000_000) -> None:
+    def __init__(self, bus: AnsweringBus, baud: int = BAUD) -> None:
         self._bus, self._baud = bus, baud
         self._coming = bytearray()
         self.plugged = True

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import os
 import select
+import sys
 import time
-import tty
 from pathlib import Path
 
 from endolock.hw.api import ConfigError
-from endolock.hw.dynamixel.port import baud_of
 from endolock.hw.files import replacing
 
-SPIN_S = 2e-4
-"""The rest of a wait is spent looking at the clock [s]; the system wakes late."""
+if sys.platform != "linux":
+    raise ConfigError("the emulated serial line needs Linux", "run it there, or use --rig twin")
+
+import tty
+
+from endolock.hw.dynamixel.linux_port import baud_of
 
 
 class PtyLine:
@@ -30,12 +33,14 @@ class PtyLine:
         ConfigError: the link cannot be made.
     """
 
+    path: str
+    """The client's end; the link, if there is one."""
+
     def __init__(self, link: Path | None = None) -> None:
         self._link = link
         self._name = ""
         self._master = -1
         self.path = ""
-        """The client's end; the link, if there is one."""
         self.plug_in()
 
     @property
@@ -119,12 +124,3 @@ class PtyLine:
         with replacing(link, "give another --link") as part:
             part.unlink(missing_ok=True)
             part.symlink_to(name)
-
-
-def sleep_to(deadline: float) -> None:
-    """Return at a reading of `time.monotonic()` [s], to some microseconds."""
-    left = deadline - time.monotonic()
-    if left > SPIN_S:
-        time.sleep(left - SPIN_S)
-    while time.monotonic() < deadline:
-        pass

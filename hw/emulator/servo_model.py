@@ -19,6 +19,7 @@ from typing import Protocol
 from endolock.hw.api import Fault
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Refusal
+from endolock.hw.dynamixel.port import BAUD
 from endolock.hw.dynamixel.registers import Register, Units
 
 XM430_W350 = 1020
@@ -110,7 +111,7 @@ class Servo:
         now: its clock [s].
         units: what its registers count in.
         reboot_s: how long it answers nothing after a reboot or a power blip [s].
-        baud: index into `registers.BAUDS`.
+        baud: its baud rate, one of `registers.BAUDS` [1/s].
     """
 
     def __init__(
@@ -121,14 +122,14 @@ class Servo:
         now: Callable[[], float],
         units: Units | None = None,
         reboot_s: float = 0.0,
-        baud: int = 3,
+        baud: int = BAUD,
     ) -> None:
         self._motor, self._units = motor, units or Units()
         self.now = now
         self.reboot_s = reboot_s
         self._table = bytearray(reg.END)
         self._store(reg.ID, device)
-        self._store(reg.BAUD, baud)
+        self._store(reg.BAUD, reg.BAUDS.index(baud))
         for register, value in _FACTORY:
             self._store(register, value)
         self._shift = self._offset = 0
@@ -353,7 +354,7 @@ class Servo:
         )
         now = self.now()
         tick = round((now - self._started) * 1000) % reg.TICK_PERIOD
-        table[reg.TICK.address : reg.TICK.address + 2] = tick.to_bytes(2, "little")
+        self._store(reg.TICK, tick)
         if abs(current) <= OVERLOAD_A:
             self._overloaded = None
         elif self._overloaded is None:
@@ -362,13 +363,11 @@ class Servo:
             self.fail("overload")
 
     def _store(self, register: Register, value: int) -> None:
-        data = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
-        self._table[register.address : register.address + register.size] = data
+        self._table[register.address : register.address + register.size] = register.encode(value)
 
     def _signed(self, register: Register) -> int:
-        data = self._table[register.address : register.address + register.size]
-        return int.from_bytes(data, "little", signed=True)
+        return register.decode(self._table[register.address : register.address + register.size])
 
     def _part(self, register: Register, address: int, data: bytes) -> int:
         start = register.address - address
-        return int.from_bytes(data[start : start + register.size], "little", signed=True)
+        return register.decode(data[start : start + register.size])

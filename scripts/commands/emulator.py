@@ -11,6 +11,7 @@ import tyro
 from rich.console import Console
 
 from endolock.hw.api import ConfigError
+from endolock.hw.dynamixel.port import BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
 from endolock.twin.hil.hil_server import HilServer, Setup
@@ -28,7 +29,7 @@ class Request:
 
     link: tyro.conf.DisallowNone[Path | None] = None
     """Name for the line, a symbolic link that is replaced; else /dev/pts/N, which is printed."""
-    baud: int = 1_000_000
+    baud: int = BAUD
     """Baud rate the servos are set to; clients with another one are not understood."""
     paced: bool = True
     """Answer as slowly as a wire would; --no-paced: at once."""

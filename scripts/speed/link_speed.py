@@ -14,9 +14,9 @@ from statistics import median
 from endolock.control import loop, registry
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel.packets import crc
+from endolock.hw.dynamixel.port import BAUD, BITS
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
-from endolock.hw.emulator.bus_server import BITS
-from endolock.twin.hil.hil_rig import BAUD, HilRig
+from endolock.twin.hil.hil_rig import HilRig
 from endolock.vision.truth_eyes import TruthEyes
 
 CYCLES = 3000

@@ -26,12 +26,12 @@ class One:
     def get(self, register: Register) -> int:
         """Read a register as a signed number."""
         self.servo.heard()
-        return int.from_bytes(self.servo.read(*register), "little", signed=True)
+        return register.decode(self.servo.read(*register))
 
     def put(self, register: Register, value: int) -> None:
         """Write a register."""
         self.servo.heard()
-        data = (value % (1 << 8 * register.size)).to_bytes(register.size, "little")
+        data = register.encode(value)
         self.servo.write(register.address, data)
 
     def refusal(self, register: Register, value: int) -> Refusal | None:

@@ -12,7 +12,6 @@ from typing import Self
 from tests.hw.emulated import LagMotor
 
 from endolock.hw.bench.wall_clock import WallClock
-from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Parser
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
@@ -77,6 +76,5 @@ class Served:
 
 def servo(device: int, angle_rad: float = 0.0, *, baud: int = 1_000_000) -> Servo:
     """Make one as the factory does, but for id and baud rate."""
-    index = reg.BAUDS.index(baud)
     motor = LagMotor(WallClock(0.0), angle_rad)
-    return Servo(motor, device=device, now=time.monotonic, baud=index)
+    return Servo(motor, device=device, now=time.monotonic, baud=baud)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.hw.api import Mode, State
-from endolock.hw.history import History
+from endolock.hw.history import KEPT_S, AngleHistory, History
 
 RATE = (0.7, -1.3)
 START = (-0.2, 0.4)
@@ -108,3 +110,24 @@ def test_a_state_measured_no_later_replaces_the_last() -> None:
     history.append(state(1.9, (3.0, 3.0), seq=2))  # time never runs backwards in here
     assert (history.at(2.0).seq, history.at(2.0).position) == (2, (3.0, 3.0))
     assert history.at(1.5).position == (1.5, 1.5)
+
+
+@given(times, st.floats(-20.0, 20.0))
+def test_plain_angles_are_those_of_the_states_and_constant_outside(
+    at: list[float], t: float
+) -> None:
+    history, states = remember([at[-1] - 0.2 * (at[-1] - s) for s in at])  # within what is kept
+    angles = AngleHistory()
+    for s in states:
+        angles.append(s)
+        angles.append(replace(s, position=(9.0, 9.0)))  # no newer
+    first, last = states[0].t, states[-1].t
+    assert angles.at(t) == history.at(min(max(t, first), last)).position
+
+
+def test_plain_angles_are_forgotten_after_a_while() -> None:
+    angles = AngleHistory()
+    for s in remember([n * 0.1 for n in range(100)])[1]:
+        angles.append(s)
+    assert angles.times[-1] - angles.times[0] == pytest.approx(KEPT_S, abs=0.1)
+    assert len(angles.times) == len(angles.angles)

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from endolock.hw.api import ConfigError, Image, Vector
+from endolock.hw.api import PERIOD_S, ConfigError, Image, Vector
 from endolock.twin.env import target_lock
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.scenario import Scenario
@@ -49,7 +49,7 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
 
     metadata: ClassVar[dict[str, Any]] = {
         "render_modes": ["rgb_array"],
-        "render_fps": round(1 / target_lock.PERIOD_S),
+        "render_fps": round(1 / PERIOD_S),
     }
 
     def __init__(

@@ -24,7 +24,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from endolock.hw.api import Command, ConfigError, Frame, Image, State, Vector
+from endolock.hw.api import PERIOD_S, Command, ConfigError, Frame, Image, State, Vector
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.scenario import Scenario, loaded
@@ -39,8 +39,6 @@ except ModuleNotFoundError:
         "use Python 3.11 or 3.12, where it comes with endolock",
     ) from None
 
-PERIOD_S = 0.020
-"""Time between two actions [s], the control period of `endolock run`."""
 HALF_ERROR_DEG = 5.0
 """Error at which the reward is one half [deg]; 23 px with f = 262 px. Assumed: about the 20 px
 within which the target counts as locked."""

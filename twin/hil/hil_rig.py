@@ -25,7 +25,7 @@ from endolock.hw.api import (
     TruthSample,
 )
 from endolock.hw.bench.wall_clock import WallClock
-from endolock.hw.dynamixel.port import serial_port
+from endolock.hw.dynamixel.port import BAUD, serial_port
 from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
@@ -36,7 +36,6 @@ from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario, loaded
 
-BAUD = 1_000_000
 LOCK_STEP_TIMEOUT_S = 2.0
 """Where time stands still while the bus talks, an answer may take as long as a busy machine needs
 [s]."""
@@ -77,6 +76,7 @@ class HilRig(ClosingRig):
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
+        _need_linux()
         self.scenario = loaded(scenario)
         made = instrument or Instrument()
         self._far = _Far()
@@ -127,6 +127,16 @@ class HilRig(ClosingRig):
     def close(self) -> None:
         """Switch the handles off and end the far end; may be called twice."""
         close_all(self.actuators.close, self.line.close, self._far.close)
+
+
+def _need_linux() -> None:
+    """Refuse what has no pseudo-terminals.
+
+    Raises:
+        ConfigError: this system is not Linux.
+    """
+    if sys.platform != "linux":
+        raise ConfigError("hardware in the loop needs Linux", "run it there, or use --rig twin")
 
 
 class _Far:

@@ -22,7 +22,6 @@ from endolock.hw.camera.picture_stream import PictureStream
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
-from endolock.hw.emulator.pty_line import PtyLine
 from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
 from endolock.twin.camera.renderer import TwinCamera
 from endolock.twin.rig import TwinRig
@@ -80,6 +79,8 @@ class HilServer:
     """
 
     def __init__(self, setup: Setup) -> None:
+        from endolock.hw.emulator.pty_line import PtyLine  # on Linux only
+
         self.rig = TwinRig(
             setup.scenario,
             instrument=setup.instrument,
@@ -148,6 +149,8 @@ class HilServer:
             channel: the side channel, if there is one.
             until: asked again and again.
         """
+        if sys.platform == "win32":
+            raise ConfigError("the emulated serial line needs Linux", "run it there")
         poll, there = select.poll(), -1
         if channel:
             poll.register(channel.fileno(), select.POLLIN)

@@ -14,12 +14,10 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Instruction, Parser, encode
-from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.port import BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.scripts.commands.doctor.examination import Finding
 
-BAUD = 1_000_000
-"""What motors are set up for; slower is told [1/s]."""
 SEARCHES_S = (0.15, 0.8)
 """So long a search waits for answers at each baud rate [s]: the second one where the first found
 fewer than two motors. They answer in turn, 3 ms for each id: enough for ids up to 40, and for all.

@@ -13,13 +13,12 @@ from endolock.hw.bench.bench_file import Bench, Handles
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
-from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.port import BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_setup import RESTART_S
 from endolock.scripts.commands.doctor.examination import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
     ANSWER_S,
-    BAUD,
     MODELS,
     FoundMotor,
     refused,

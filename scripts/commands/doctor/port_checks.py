@@ -6,16 +6,16 @@ No port is opened unless it is named: a device that is not ours may restart when
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from endolock.hw.api import EndolockError
-from endolock.hw.dynamixel.port import BY_ID, Port, serial_port
+from endolock.hw.dynamixel.port import BAUD, BY_ID, Port, serial_port
 from endolock.scripts.commands.doctor import motor_checks
 from endolock.scripts.commands.doctor.examination import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
-    BAUD,
     SEARCHES_S,
     FoundMotor,
     Tell,
@@ -44,7 +44,7 @@ def serial(
         for link in sorted(devices.glob(pattern)):
             found.setdefault(link.resolve(), link.name)
     closed_to_us = {
-        port.name: port.group() for port in found if not os.access(port, os.R_OK | os.W_OK)
+        port.name: _group(port) for port in found if not os.access(port, os.R_OK | os.W_OK)
     }
     timers_ms: dict[str, int] = {}
     for port in found:
@@ -122,6 +122,13 @@ def examine(
         if line:
             line.close()
     return findings
+
+
+def _group(port: Path) -> str:
+    """Return the group that may open a port; Windows has none."""
+    if sys.platform == "win32":
+        return ""
+    return port.group()
 
 
 def _opened(path: str, by_id: Path) -> str:

@@ -17,8 +17,11 @@ from struct import unpack
 import pytest
 
 from endolock.hw.api import ConfigError, PortBusy, PortGone
-from endolock.hw.dynamixel.port import Port, SerialPort, serial_port
+from endolock.hw.dynamixel.linux_port import SerialPort
+from endolock.hw.dynamixel.port import Port, serial_port
 from endolock.hw.emulator.pty_line import PtyLine
+
+assert sys.platform == "linux"  # pseudo-terminals
 
 pytestmark = pytest.mark.wall_time
 
@@ -32,7 +35,7 @@ TIOCGEXCL = 0x80045440
 OWNER = """
 import sys
 from pathlib import Path
-from endolock.hw.dynamixel.port import SerialPort
+from endolock.hw.dynamixel.linux_port import SerialPort
 port = SerialPort(sys.argv[1], 1_000_000)
 port.open()
 print("open", flush=True)

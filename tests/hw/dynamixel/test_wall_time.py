@@ -17,7 +17,7 @@ from endolock.hw.api import AXES, Command, DeviceFault, LinkLost, PortGone
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
-from endolock.hw.dynamixel.port import SerialPort
+from endolock.hw.dynamixel.linux_port import SerialPort
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_drive import WATCHDOG_S, ServoDrive
 from endolock.hw.emulator.pty_line import PtyLine

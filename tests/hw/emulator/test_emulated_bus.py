@@ -88,7 +88,7 @@ def of(register: Register, devices: Sequence[int] = ()) -> bytes:
 
 def value(servo: Servo, register: Register) -> int:
     """Look into a servo, without the line."""
-    return int.from_bytes(servo.read(*register), "little", signed=True)
+    return register.decode(servo.read(*register))
 
 
 GOAL = at(reg.GOAL_POSITION, pack("<i", 2200))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from endolock.hw.api import ConfigError
-from endolock.hw.dynamixel.port import SerialPort
+from endolock.hw.dynamixel.linux_port import SerialPort
 from endolock.hw.emulator.pty_line import PtyLine
 
 
