@@ -1,4 +1,4 @@
-"""The seam between controllers and whatever turns the handles: a twin, an emulator or a bench.
+"""The interface between controllers and what turns the handles: a twin, an emulator or a bench.
 
 Time belongs to a `Clock`: whoever calls `sleep_until` makes the world advance, so nothing here has
 a `step()`. Everything is SI; axes are always (up_down, left_right), pixels (u right, v down).
@@ -43,18 +43,18 @@ Image = NDArray[np.uint8]
 
 
 class Clock(Protocol):
-    """The one clock that stamps frames and states; sleeping on it lets the world move on."""
+    """The one clock that stamps frames and states; sleeping on it makes time pass."""
 
     @property
     def realtime(self) -> bool:
-        """Whether it follows the wall clock."""
+        """Whether it follows wall-clock time."""
 
     @property
     def timestep_s(self) -> float:
-        """Its grid [s]; 0 where time is continuous."""
+        """Its resolution [s]; 0 where time is continuous."""
 
     def now(self) -> float:
-        """Time since the rig was made [s]."""
+        """Time since the rig was created [s]."""
 
     def sleep_until(self, t: float) -> float:
         """Return at `t` [s], or at once if it has passed; on a grid, at the first point >= `t`."""
@@ -67,41 +67,41 @@ class Mode(StrEnum):
     DISABLED = "disabled"
     """No torque."""
     ENABLED = "enabled"
-    """Follow commands."""
+    """The handles follow commands."""
     HOLDING = "holding"
-    """Torque on, goal frozen; the next command goes on from there."""
+    """Torque on, goal frozen; the next command continues from there."""
     FAULT = "fault"
     """Goal frozen by a latched fault, until `clear_fault()` and `enable()`."""
 
     @property
     def driven(self) -> bool:
-        """Whether the goal is in force and may be moved."""
+        """Whether torque is on and the goal may be moved."""
         return self in (Mode.ENABLED, Mode.HOLDING)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the handles may be asked for, per axis."""
+    """Limits of position and speed, per axis."""
 
     position_rad: tuple[tuple[float, float], ...]
     """Lowest and highest handle angle of each axis [rad]."""
     velocity_rad_s: tuple[float, ...]
-    """Fastest change of the goal of each axis [rad/s]."""
+    """Maximum rate of change of the goal of each axis [rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """Where the handles shall go."""
+    """Handle angles to go to."""
 
     position: Sequence[float]
     """Handle angles [rad], (up_down, left_right)."""
     valid_for: float = 0.2
-    """Without another command within this time [s] the handles hold where they are. Assumed."""
+    """The handles hold unless another command comes within this time [s]. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """What is known of the handles after one exchange."""
+    """State of the handles after one exchange."""
 
     t: float
     """Clock time at which the positions were measured [s]."""
@@ -118,13 +118,13 @@ class State:
     goal: tuple[float, ...]
     """Goals in force after this exchange [rad]: limited, slewed, quantised."""
     clipped: tuple[int, ...]
-    """Per axis +1 (-1) where the command asked for more (less) than was sent on; 0 where not."""
+    """Per axis +1 (-1) where the command was above (below) the goal sent; 0 where equal."""
     fresh: bool
     """Whether the device answered this exchange; if not, the measurements are the last ones."""
     mode: Mode
     """Mode after this exchange."""
     device_tick: int
-    """The device's own clock [ms]; it stands still where the device does."""
+    """The device's own clock [ms]; it stops when the device does."""
 
 
 class Actuators(Protocol):
@@ -140,7 +140,7 @@ class Actuators(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What may be asked for."""
+        """Limits of position and speed, counted from the present zero."""
 
     @property
     def mode(self) -> Mode:
@@ -164,7 +164,7 @@ class Actuators(Protocol):
         """
 
     def exchange(self, command: Command | None) -> State:
-        """Send a command, or None to go on as before, and read the state, in one transaction.
+        """Send a command, or None to continue as before, and read the state, in one transaction.
 
         Raises:
             CommandError: wrong length, or NaN or infinite; the previous goal stays.
@@ -176,34 +176,34 @@ class Actuators(Protocol):
         """Return the state at a past time `t` [s], interpolated between exchanges.
 
         Raises:
-            LookupError: `t` lies outside what is remembered.
+            LookupError: `t` lies outside the remembered span.
         """
 
     def hold(self) -> None:
         """Stop where the handles are and keep torque on."""
 
     def estop(self, why: str) -> None:
-        """Stop for good: with the next exchange the handles hold, and a fault is latched.
+        """Emergency stop: at the next exchange the handles hold, and a fault is latched.
 
-        May be called from any thread or signal handler: an emergency button, a supervisor.
+        May be called from any thread or signal handler, as by an emergency button or a supervisor.
         """
 
     def disable(self) -> None:
         """Switch torque off.
 
         Raises:
-            HardwareError: a motor could not be told; latched, like any other fault.
+            HardwareError: a motor did not take the command; latched, like any other fault.
         """
 
     def clear_fault(self) -> None:
-        """Forget a latched fault and get the device ready; the motors stay off until `enable()`.
+        """Clear a latched fault and reopen the device; the motors stay off until `enable()`.
 
         Raises:
-            HardwareError: the device is not to be had yet; the fault stays.
+            HardwareError: the device is not available yet; the fault stays latched.
         """
 
     def close(self) -> None:
-        """Disable and let go of the device; may be called twice."""
+        """Disable the motors and release the device; may be called twice."""
 
     def __enter__(self) -> Self:
         """Connect."""
@@ -219,7 +219,7 @@ class Actuators(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Geometry of a camera: a ray at the angle theta off the axis is seen r off the centre.
+    """Geometry of a camera: a ray at the angle theta to the axis appears at the radius r.
 
     r = f tan(theta) for a pinhole, r = f theta for an equidistant fisheye, before distortion.
     """
@@ -227,21 +227,21 @@ class Calibration:
     width: int
     height: int
     focal_px: float
-    """Focal length f in the direction of u [px]."""
+    """Focal length f along u [px]."""
     centre_px: tuple[float, float]
     """Principal point (u, v) [px]; the centre of the first pixel is (0, 0)."""
     aspect: float = 1.0
-    """Focal length in the direction of v over that of u [1]: 1 where pixels are square."""
+    """Focal length along v divided by that along u [1]; 1 for square pixels."""
     projection: Literal["pinhole", "equidistant"] = "pinhole"
     distortion: tuple[float, ...] = ()
-    """OpenCV's coefficients: k1, k2, p1, p2, k3 of a pinhole, k1..k4 of a fisheye; none where
-    ideal."""
+    """OpenCV's coefficients: k1, k2, p1, p2, k3 of a pinhole, k1..k4 of a fisheye; empty for an
+    ideal lens."""
     mask: Literal["none", "octagon", "circle"] = "none"
-    """What part of the picture shows anything; see `vision.camera_model.in_picture`."""
+    """Visible part of the picture; see `vision.camera_model.in_picture`."""
     rms_px: float = 0.0
-    """What was left of the corners' misfit when it was calibrated [px]; 0 where it is exact."""
+    """Reprojection error of the calibration, rms [px]; 0 for an exact geometry."""
     date: str = ""
-    """When it was calibrated, YYYY-MM-DD; empty where it was not."""
+    """Date of the calibration, YYYY-MM-DD; empty if it was not calibrated."""
 
     @property
     def matrix(self) -> Vector:
@@ -255,17 +255,17 @@ class Frame:
     """One picture as it was delivered."""
 
     image: Image | None
-    """RGB, height x width x 3; None where the target is taken from the truth instead."""
+    """RGB, height x width x 3; None where vision uses the ground truth instead."""
     t_capture: float
-    """When it was exposed, as far as the camera knows [s]: t_available less the nominal latency."""
+    """Estimated time of exposure [s]: t_available less the nominal latency."""
     t_available: float
-    """When it was delivered [s]."""
+    """Time of delivery [s]."""
     seq: int
-    """Number of the exposure, from 0; gaps are frames that never arrived."""
+    """Number of the exposure, from 0; gaps are frames that were lost."""
     dropped: int
-    """Exposures between the frame returned before this and this one: lost, or overtaken."""
+    """Exposures between the previously returned frame and this one: lost or skipped."""
     repeated: bool = False
-    """Whether this is the picture before, delivered once more under a new number: nothing new."""
+    """Whether this is the previous picture, delivered again under a new number."""
 
 
 class Camera(Protocol):
@@ -276,21 +276,21 @@ class Camera(Protocol):
         """Its geometry."""
 
     def latest(self) -> Frame | None:
-        """Return the newest frame delivered so far, None before the first; never blocks."""
+        """Return the newest frame delivered, or None before the first; never blocks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BoardGeometry:
-    """Where things are on the printed target board, in its own frame [m]."""
+    """Markers and target of a printed board, in its own frame [m]."""
 
     dictionary: str
     """Name of the OpenCV ArUco dictionary."""
     markers: tuple[tuple[int, float, float, float], ...]
-    """Each marker's id, the centre (x, y) of its square, and its side, black border included."""
+    """Id, centre (x, y) and side of each marker, black border included."""
     size_m: float
     """Side of the square board."""
     target: tuple[float, float] = (0.0, 0.0)
-    """The point that shall be kept in the image centre."""
+    """The point to be kept in the image centre."""
 
     def corners(self) -> dict[int, Vector]:
         """Corners of each marker, 4x3 [m]: top left, top right, bottom right, bottom left."""
@@ -335,13 +335,13 @@ class Pose:
 
 
 class PoseTracker(Protocol):
-    """An outside measurement of the tip as a rigid body, such as an optical tracker.
+    """An external measurement of the tip as a rigid body, such as an optical tracker.
 
     The body's axes are those of the base frame when the section is straight.
     """
 
     def latest(self) -> Pose | None:
-        """Return the newest pose delivered so far, with the time it was measured; never blocks."""
+        """Return the newest pose delivered, with the time of its measurement; never blocks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -364,16 +364,16 @@ class Plant:
 
 @dataclass(frozen=True, kw_only=True)
 class TruthSample:
-    """What only a simulation can know, at one instant."""
+    """Ground truth at one instant, which only a simulation knows."""
 
     t: float
     """The instant [s]."""
     target_px: tuple[float, float]
     """Exact projection of the target [px], also outside the picture; NaN behind the camera."""
     in_picture: bool
-    """Whether that lies within the picture."""
+    """Whether that is within the picture."""
     hidden: bool
-    """Whether something stands between the camera and the target."""
+    """Whether something is between the camera and the target."""
     distance_m: float
     """Depth of the target along the optical axis [m]."""
     error_deg: float
@@ -382,7 +382,7 @@ class TruthSample:
 
 
 class Truth(Protocol):
-    """Access to the truth, for metrics, for the oracle and for vision without pictures."""
+    """Ground truth, for metrics, for the oracle and for vision without pictures."""
 
     def now(self) -> TruthSample:
         """Return the truth at the clock's present time."""
@@ -391,15 +391,15 @@ class Truth(Protocol):
         """Return the truth at the exposure of frame `seq`, for frames of the last seconds.
 
         Raises:
-            LookupError: that frame is not remembered.
+            LookupError: the truth of that frame is no longer kept.
         """
 
 
 class Line(Protocol):
-    """What carries bytes to the handles and back."""
+    """The line that carries bytes to the handles and back."""
 
     def record(self, path: Path) -> None:
-        """Keep every byte from now on in a new file.
+        """Log every byte from now on to a new file.
 
         Raises:
             ConfigError: it cannot be written.
@@ -407,7 +407,7 @@ class Line(Protocol):
 
 
 class Rig(Protocol):
-    """A clock, handles and a camera: everything a target lock needs, simulated or real."""
+    """A clock, handles and a camera: all that a target lock needs, simulated or real."""
 
     @property
     def clock(self) -> Clock:
@@ -423,7 +423,7 @@ class Rig(Protocol):
 
     @property
     def overview(self) -> Camera | None:
-        """A fixed camera that sees section and board, where there is one."""
+        """A fixed camera that sees section and board, or None."""
 
     @property
     def board(self) -> BoardGeometry:
@@ -431,15 +431,15 @@ class Rig(Protocol):
 
     @property
     def tracker(self) -> PoseTracker | None:
-        """A pose tracker, where there is one."""
+        """A pose tracker, or None."""
 
     @property
     def truth(self) -> Truth | None:
-        """The truth; None on hardware."""
+        """The ground truth; None on hardware."""
 
     @property
     def line(self) -> Line | None:
-        """The line to the handles; None where there is none."""
+        """The line to the handles, or None."""
 
     def describe(self) -> Mapping[str, Any]:
-        """Return what a run folder must say of it: plain values, by section."""
+        """Return its description for a run folder: plain values, by section."""

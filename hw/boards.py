@@ -1,8 +1,8 @@
-"""The printed boards: where their nested markers and their targets are.
+"""The printed boards: positions of their nested markers and of their targets.
 
-Markers of 20, 8 and 2.5 mm serve from 16 cm down to 1 cm: a side of 18 px is always detected, and
-with f = 262 px they have that up to 29, 11 and 3.6 cm. The small ones stand in the middle, which
-is all that is seen from nearby.
+Markers of 20, 8 and 2.5 mm cover distances from 16 cm down to 1 cm: a side of 18 px is always
+detected, and with f = 262 px they have that up to 29, 11 and 3.6 cm. The small ones are in the
+middle, which is all that is visible at close range.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Patch(NamedTuple):
 
 
 class PrintedBoard(NamedTuple):
-    """What is on a board."""
+    """Markers and targets of one board."""
 
     geometry: BoardGeometry
     patches: tuple[Patch, ...]
@@ -52,9 +52,9 @@ def _ring(half: float) -> list[tuple[float, float]]:
 def _print(
     patches: tuple[Patch, ...], rows: list[tuple[float, list[tuple[float, float]]]]
 ) -> PrintedBoard:
-    """Number markers of some sizes at some places."""
-    places = [(x, y, size) for size, row in rows for x, y in row]
-    markers = tuple((n, x, y, size) for n, (x, y, size) in enumerate(places))
+    """Make a board with numbered markers of these sizes at these points."""
+    squares = [(x, y, size) for size, row in rows for x, y in row]
+    markers = tuple((n, x, y, size) for n, (x, y, size) in enumerate(squares))
     target = patches[0].x, patches[0].y
     geometry = BoardGeometry(dictionary=DICTIONARY, markers=markers, size_m=SIZE_M, target=target)
     return PrintedBoard(geometry, patches)

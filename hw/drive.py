@@ -1,4 +1,4 @@
-"""What a guard stands in front of: something that takes goals and gives measurements, no more."""
+"""What a guard drives: something that takes goals and returns measurements, and no more."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class Reading:
     velocity: tuple[float, ...]
     current: tuple[float, ...]
     fresh: bool
-    """False where no answer came; the measurements then are the last ones."""
+    """False where no answer came; the measurements are then the last ones."""
     device_tick: int
     goal: tuple[float, ...] | None = None
-    """Goals that the motors have [rad], where they tell them."""
+    """Goals that the motors report [rad]; None where they do not."""
     silent: tuple[str, ...] = ()
-    """Axes that did not answer, where single ones can be told."""
+    """Axes that did not answer, where that is known."""
 
 
 class Drive(Protocol):
-    """The motors behind a guard. It may raise `DeviceFault`; everything else is the guard's."""
+    """The motors behind a guard. It may raise `DeviceFault`; the guard detects all other faults."""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -35,23 +35,23 @@ class Drive(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What may be asked for, counted from the present zero."""
+        """Limits of position and speed, counted from the present zero."""
 
     @property
     def clock(self) -> Clock:
         """The clock that stamps its readings."""
 
     def open(self) -> None:
-        """Get hold of the device, torque off."""
+        """Open the device, torque off."""
 
     def transfer(self, goal: tuple[float, ...] | None) -> Reading:
         """Send a goal [rad], or none, and measure."""
 
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the nearest goal that the device can hold [rad]."""
+        """Return the nearest goal that the device can represent [rad]."""
 
     def hold(self) -> tuple[float, ...] | None:
-        """Stop every motor that listens where it is; return where [rad], None if nobody answers."""
+        """Stop every motor that responds; return the angles [rad], or None if none answers."""
 
     def torque(self, on: bool) -> None:
         """Switch torque on or off."""
@@ -60,11 +60,11 @@ class Drive(Protocol):
         """Make the present position the zero of every axis."""
 
     def recover(self) -> None:
-        """Get the device ready again after a fault, torque off.
+        """Reopen the device after a fault, torque off.
 
         Raises:
-            HardwareError: it is not to be had yet.
+            HardwareError: it is not available yet.
         """
 
     def close(self) -> None:
-        """Torque off, let go of the device."""
+        """Switch torque off and release the device."""

@@ -1,8 +1,8 @@
-"""Stands in front of every handle drive and makes it a safe `Actuators`.
+"""Wraps every handle drive and makes it a safe `Actuators`.
 
-A drive only transfers goals and measurements. Modes, limits, slew, refusal of NaN, expiry of
-commands, following error and latched faults live here, once, so that a simulated run exercises the
-same safety code as a bench. Laboratory software, not a medical device.
+A drive only transfers goals and measurements. Modes, limits, slew rate, refusal of NaN, expiry of
+commands, following error and latched faults are handled here, once, so that a simulated run
+exercises the same safety code as a bench. Laboratory software, not a medical device.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from endolock.hw.lifecycle import Connecting
 
 @dataclass(frozen=True, kw_only=True)
 class GuardSettings:
-    """When a guard steps in."""
+    """Thresholds of a guard."""
 
     following_error_rad: float = 0.5
-    """A handle this far from its goal [rad] ... Assumed: at full speed a servo lags by 0.1 rad, and
-    a blocked handle is off by 0.5 rad after 0.15 s."""
+    """Largest distance of a handle from its goal [rad]. Assumed: at full speed a servo lags by
+    0.1 rad, and a blocked handle is off by 0.5 rad after 0.15 s."""
     following_time_s: float = 0.2
-    """... for this long [s] is a fault. Assumed."""
+    """A larger distance for longer than this [s] is a fault. Assumed."""
     max_age_s: float = 0.1
-    """Without a fresh state for longer than this [s] the link counts as lost. Assumed."""
+    """The link counts as lost after this time without a fresh state [s]. Assumed."""
     max_slew_step_s: float = 0.1
-    """After a pause the goal moves at most as far as in this time [s]. Assumed."""
+    """After a pause the goal moves at most as far as it may within this time [s]. Assumed."""
 
 
 class Guard(Connecting):
     """Actuators made of a drive and the rules of safe motion.
 
     Args:
-        drive: what moves the handles.
-        settings: the rules; the defaults if None.
+        drive: moves the handles.
+        settings: thresholds; the defaults if None.
     """
 
     def __init__(self, drive: Drive, settings: GuardSettings | None = None) -> None:
@@ -57,9 +57,9 @@ class Guard(Connecting):
         self._history = History()
         self._mode = Mode.DISCONNECTED
         self._fault: HardwareError | None = None
-        # What was asked for, that within the limits, and how far the goal has come towards it.
-        self._asked: tuple[float, ...] = ()
-        self._wanted: tuple[float, ...] = ()
+        # The position commanded, the same within the limits, and the goal on its way there.
+        self._commanded: tuple[float, ...] = ()
+        self._limited: tuple[float, ...] = ()
         self._goal: tuple[float, ...] = ()
         self._expires = self._slewed_at = self._fresh_at = self._taken_at = 0.0
         self._stop: str | None = None
@@ -87,9 +87,9 @@ class Guard(Connecting):
         return self._mode
 
     def connect(self) -> None:
-        """Open the drive; afterwards the mode is DISABLED, also where it was open already.
+        """Open the drive; afterwards the mode is DISABLED. Without effect where it is open.
 
-        A device that has stopped by itself before is connected all the same; the mode is FAULT.
+        A device with a fault of its own is connected as well; the mode is then FAULT.
         """
         if self._mode is Mode.DISCONNECTED:
             try:
@@ -107,7 +107,7 @@ class Guard(Connecting):
                 f"cannot home while {self._mode}", first.get(self._mode, "disable")
             )
         self._drive.zero()
-        self._history = History()  # what it remembers counts from the old zero
+        self._history = History()  # the old one counts from the old zero
 
     def enable(self) -> State:
         """Switch torque on without a jump; see `Actuators.enable`."""
@@ -119,7 +119,9 @@ class Guard(Connecting):
         try:
             reading = self._drive.transfer(None)
             if reading.fresh:
-                self._goal = self._wanted = self._asked = self._drive.quantise(reading.position)
+                self._goal = self._limited = self._commanded = self._drive.quantise(
+                    reading.position
+                )
                 # The goal is in place before torque comes on.
                 self._drive.transfer(self._goal)
                 self._drive.torque(True)
@@ -170,12 +172,12 @@ class Guard(Connecting):
         return self._history.at(t)
 
     def hold(self) -> None:
-        """Stop where the handles are and keep torque on; without effect where it is off."""
+        """Stop where the handles are and keep torque on; without effect where torque is off."""
         if self._mode is Mode.ENABLED:
             self._freeze()
 
     def estop(self, why: str) -> None:
-        """Stop for good; see `Actuators.estop`."""
+        """Stop and latch a fault; see `Actuators.estop`."""
         self._stop = why
 
     def disable(self) -> None:
@@ -190,7 +192,7 @@ class Guard(Connecting):
         self._mode = Mode.FAULT if self._fault else Mode.DISABLED
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; see `Actuators.clear_fault`."""
+        """Clear a latched fault; see `Actuators.clear_fault`."""
         self._stop = None
         if self._fault is None:
             return
@@ -201,7 +203,7 @@ class Guard(Connecting):
         self._fresh_at = self.clock.now()
 
     def close(self) -> None:
-        """Torque off and let go of the drive; may be called twice."""
+        """Switch torque off and release the drive; may be called twice."""
         if self._mode is not Mode.DISCONNECTED:
             self._mode = Mode.DISCONNECTED
             self._drive.close()
@@ -230,8 +232,8 @@ class Guard(Connecting):
                 "give a finite time of more than 0 (the previous goal stays)",
                 t=now,
             )
-        self._asked = position
-        self._wanted = tuple(
+        self._commanded = position
+        self._limited = tuple(
             min(max(p, low), high)
             for p, (low, high) in zip(position, self.limits.position_rad, strict=True)
         )
@@ -239,28 +241,28 @@ class Guard(Connecting):
         self._mode = Mode.ENABLED
 
     def _slew(self, now: float) -> tuple[int, ...]:
-        """Move the goal towards what is wanted as fast as allowed; say where it fell short."""
+        """Move the goal towards the limited command as fast as allowed; return `State.clipped`."""
         step = min(now - self._slewed_at, self._settings.max_slew_step_s)
         self._slewed_at = now
         moved = []
-        for goal, wanted, speed in zip(
-            self._goal, self._wanted, self.limits.velocity_rad_s, strict=True
+        for goal, limited, speed in zip(
+            self._goal, self._limited, self.limits.velocity_rad_s, strict=True
         ):
             reach = speed * step
-            moved.append(min(max(wanted, goal - reach), goal + reach))
-        # The goal goes on from the unrounded value: rounding must not eat slow motion.
+            moved.append(min(max(limited, goal - reach), goal + reach))
+        # The goal continues from the unrounded value: rounding must not suppress slow motion.
         self._goal = tuple(moved)
-        return tuple((a > g) - (a < g) for a, g in zip(self._asked, self._goal, strict=True))
+        return tuple((a > g) - (a < g) for a, g in zip(self._commanded, self._goal, strict=True))
 
     def _freeze(self) -> None:
-        self._wanted = self._asked = self._goal
+        self._limited = self._commanded = self._goal
         self._mode = Mode.HOLDING
 
     def _check_age(self, reading: Reading, now: float) -> None:
         self._unanswered = 0 if reading.fresh else self._unanswered + 1
         if reading.fresh:
             self._fresh_at = now
-        # One alone is no silence, however long ago the one before was.
+        # A single missing answer is no loss, however long ago the one before was.
         elif self._unanswered > 1 and now - self._fresh_at > self._settings.max_age_s:
             who = " and ".join(reading.silent) or "the handles"
             raise LinkLost(
@@ -272,7 +274,7 @@ class Guard(Connecting):
             )
 
     def _check_taken(self, reading: Reading, now: float) -> None:
-        """See that goals arrive, where the motors tell theirs."""
+        """Check that goals arrive, where the motors report theirs."""
         if reading.goal is None or reading.goal == self._drive.quantise(self._goal):
             self._taken_at = now
         elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
@@ -314,7 +316,7 @@ class Guard(Connecting):
                 )
 
     def _latch(self, fault: HardwareError) -> None:
-        """Remember the first fault and stop pushing: the goal becomes where the handles are."""
+        """Latch the first fault and hold: the goal becomes the present position."""
         self._fault = self._fault or fault
         self._mode = Mode.FAULT
         try:

@@ -1,12 +1,12 @@
-"""The raw log of a bus: every byte that went out or came in, with its time, append-only.
+"""The raw log of a bus: every byte sent or received, with its time, append-only.
 
 A file is the eight bytes `ENDOBUS1` and then records of
 
     time [s], float64 | direction, uint8: 0 out, 1 in | count, uint16 | the bytes      little-endian
 
-Each record is handed to the system whole, in one write, so after a kill the file is readable up to
-the last one. Nothing is interpreted here; a log can be decoded, and replayed through the same bus
-and drive that wrote it.
+Each record is passed to the system in one write, so after a kill the file is readable up to the
+last complete one. Nothing is interpreted here; a log can be decoded, and replayed through the same
+bus and drive that wrote it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _HEAD = Struct("<dBH")
 
 
 class Chunk(NamedTuple):
-    """Bytes that went one way together."""
+    """Bytes sent or received together."""
 
     t: float
     """Clock time [s]."""
@@ -54,10 +54,10 @@ class BusLog:
         os.write(self._fd, MAGIC)
 
     def append(self, t: float, came_in: bool, data: bytes) -> None:
-        """Keep what went one way; at most 65535 bytes.
+        """Append bytes sent or received; at most 65535.
 
         Raises:
-            ConfigError: the disk is full, or gone.
+            ConfigError: the disk is full or was removed.
         """
         try:
             record = _HEAD.pack(t, came_in, len(data)) + data
@@ -70,24 +70,26 @@ class BusLog:
             ) from None
 
     def close(self) -> None:
-        """Let go of the file; may be called twice."""
+        """Close the file; may be called twice."""
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
 
 
 def read(path: Path) -> Iterator[Chunk]:
-    """Yield the records of a log, up to its last whole one.
+    """Yield the records of a log, up to its last complete one.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: the file cannot be read, or is not a bus log.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}", "give a run of a bus") from None
+        raise ConfigError(
+            f"cannot read {path}: {error.strerror}", "give a run with --rig hil or serial:PORT"
+        ) from None
     if not data.startswith(MAGIC):
-        raise ConfigError(f"{path} is no log of a bus", "give the bus.log of a run folder")
+        raise ConfigError(f"{path} is not a bus log", "give the bus.log of a run folder")
     at = len(MAGIC)
     while at + _HEAD.size <= len(data):
         t, came_in, size = _HEAD.unpack_from(data, at)
@@ -99,16 +101,16 @@ def read(path: Path) -> Iterator[Chunk]:
 
 
 class Exchange(NamedTuple):
-    """What went out at once, and all that came in until the next."""
+    """One request, and all that was received until the next one."""
 
     t: float
-    """When it went out [s]."""
+    """When it was sent [s]."""
     request: bytes
     answers: tuple[Chunk, ...]
 
 
 def exchanges(records: Iterable[Chunk]) -> Iterator[Exchange]:
-    """Group records by requests; what came before the first belongs to none."""
+    """Group records by requests; what was received before the first one is left out."""
     out: Chunk | None = None
     answers: list[Chunk] = []
     for record in records:
@@ -123,10 +125,10 @@ def exchanges(records: Iterable[Chunk]) -> Iterator[Exchange]:
 
 
 class ReplayPort:
-    """Answers as a log says; see `hw.port.Port`. It is the clock of the replay as well.
+    """A port that answers as a log says; see `port.Port`. It is also the clock of the replay.
 
     Args:
-        exchanges: of the log.
+        exchanges: those of the log.
     """
 
     name = "replay"
@@ -137,21 +139,21 @@ class ReplayPort:
         self._exchanges = exchanges
         self._coming: list[Chunk] = []
         self._now = 0.0
-        self.place = 0
-        """Number of the exchange that the next request should be."""
+        self.index = 0
+        """Index of the exchange that the next request should equal."""
         self.same = True
-        """Whether all that was sent is what the log says was sent."""
+        """Whether all that was sent equals the log."""
 
-    def seek(self, place: int) -> None:
+    def seek(self, index: int) -> None:
         """Go to an exchange, and to its time."""
-        self.place, self._now = place, self._exchanges[place].t
+        self.index, self._now = index, self._exchanges[index].t
 
     def now(self) -> float:
-        """Time in the log [s]: that of the request to come, until it is sent."""
+        """Time in the log [s]: that of the next request until it is sent."""
         return self._now
 
     def sleep_until(self, t: float) -> float:
-        """Time goes on with the log alone."""
+        """Return the time; only the log advances it."""
         return self._now
 
     def open(self) -> None:
@@ -161,17 +163,17 @@ class ReplayPort:
         """Nothing to do."""
 
     def send(self, data: bytes) -> None:
-        """Compare with what was sent; what was answered can be received now."""
-        if self.place >= len(self._exchanges):
-            self._coming = []  # the log ends here, and with it what can be compared
+        """Compare with the logged request; its answers can then be received."""
+        if self.index >= len(self._exchanges):
+            self._coming = []  # the log ends here
             return
-        exchange = self._exchanges[self.place]
-        self.place += 1
+        exchange = self._exchanges[self.index]
+        self.index += 1
         self.same = self.same and data == exchange.request
         self._coming, self._now = list(exchange.answers), exchange.t
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what came then."""
+        """Return what was received then."""
         if not self._coming:
             return b""
         record = self._coming.pop(0)

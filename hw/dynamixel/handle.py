@@ -1,4 +1,4 @@
-"""How a servo sits on a handle wheel: its id, zero, direction, gear and bounds."""
+"""How a servo drives a handle wheel: its id, zero, direction, gear ratio and limits."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ class Handle(Section):
     """One handle and its motor."""
 
     id: int = Field(ge=0, le=252)
-    """Of the motor on the bus."""
+    """Id of the motor on the bus."""
     direction: int = 1
-    """1 where the handle angle grows with the motor's position, else -1."""
+    """1 if the handle angle increases with the motor's position, else -1."""
     zero_counts: int | None = Field(default=None, ge=-LARGEST_GOAL // 2, le=LARGEST_GOAL // 2)
-    """Position of the motor at handle angle zero [counts]; None: where it stands when the rig
-    connects."""
+    """Motor position at handle angle zero [counts]; None: its position when the rig connects."""
     ratio: float = Field(default=1.0, gt=0, le=100)
-    """Turns of the motor for one of the handle [1]."""
+    """Turns of the motor per turn of the handle [1]."""
     range_rad: tuple[float, float] = (-3.0, 3.0)
     """Lowest and highest handle angle [rad]. Assumed: somewhat less than half a turn."""
     speed_rad_s: float = Field(default=3.49, gt=0)
-    """Fastest motion of the goal [rad/s]. Assumed: 33 rpm, a small servo under load."""
+    """Maximum speed of the goal [rad/s]. Assumed: 33 rpm, a small servo under load."""
     current_limit_a: float | None = Field(default=None, ge=0.02, le=3.2)
-    """Largest motor current [A]; None: as the motor is set. An X series' register ends at 3.2 A."""
+    """Largest motor current [A]; None: as set in the motor. The X series' register ends at 3.2 A."""
 
     @field_validator("direction")
     @classmethod

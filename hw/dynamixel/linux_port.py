@@ -1,7 +1,7 @@
 """Serial ports of Linux.
 
-A port keeps others out (flock and TIOCEXCL), takes any baud rate, tells an unplugged adapter from
-silence, and finds it again under another name. VMIN = 1 together with O_NONBLOCK makes an empty
+A port excludes other programs (flock and TIOCEXCL), supports any baud rate, tells an unplugged
+adapter from a silent one, and finds it again under another name. VMIN = 1 together with O_NONBLOCK makes an empty
 read a hang-up and nothing else.
 """
 
@@ -34,10 +34,10 @@ _TCGETS2, _TCSETS2, _BOTHER = 0x802C542A, 0x402C542B, 0o010000
 
 def set_any_baud(fd: int, baud: int) -> None:
     """Set both directions of a terminal to any baud rate [1/s]."""
-    told = list(_TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))))
-    told[2] = told[2] & ~termios.CBAUD & ~(termios.CBAUD << 16) | _BOTHER
-    told[6] = told[7] = baud
-    fcntl.ioctl(fd, _TCSETS2, _TERMIOS2.pack(*told))
+    fields = list(_TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))))
+    fields[2] = fields[2] & ~termios.CBAUD & ~(termios.CBAUD << 16) | _BOTHER
+    fields[6] = fields[7] = baud
+    fcntl.ioctl(fd, _TCSETS2, _TERMIOS2.pack(*fields))
 
 
 def baud_of(fd: int) -> int:
@@ -47,31 +47,31 @@ def baud_of(fd: int) -> int:
 
 
 def _plain(fd: int) -> None:
-    """Undo what others may have left: no flow control, one stop bit, no modem lines."""
-    told = termios.tcgetattr(fd)
-    told[2] |= termios.CLOCAL | termios.CREAD
-    told[2] &= ~(termios.CSTOPB | termios.CRTSCTS)
-    termios.tcsetattr(fd, termios.TCSANOW, told)
+    """Reset what others may have set: no flow control, one stop bit, no modem lines."""
+    fields = termios.tcgetattr(fd)
+    fields[2] |= termios.CLOCAL | termios.CREAD
+    fields[2] &= ~(termios.CSTOPB | termios.CRTSCTS)
+    termios.tcsetattr(fd, termios.TCSANOW, fields)
 
 
 class SerialPort:
     """A serial port of Linux, held by one program at a time.
 
     Args:
-        path: device file, or a link to one, such as those in /dev/serial/by-id.
+        path: device file, or a link to one, such as in /dev/serial/by-id.
         baud: baud rate [1/s].
-        by_id: folder of lasting names; one that leads to the device is used to find it again.
+        by_id: folder of persistent names; the one of the device is used to find it again.
     """
 
     def __init__(self, path: str | Path, baud: int, by_id: Path = BY_ID) -> None:
         self._path, self._baud, self._by_id = Path(path), baud, by_id
-        self._lasting: Path | None = None
+        self._persistent: Path | None = None
         self._fd = -1
         self._poll = select.poll()
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name, for messages."""
         return str(self._path)
 
     def open(self) -> None:
@@ -84,7 +84,7 @@ class SerialPort:
         except OSError as error:
             raise self._refused(error) from None
         try:
-            # The lock keeps out those who ask, TIOCEXCL those who do not (but not root). A pty
+            # The lock excludes programs that ask for it, TIOCEXCL all others (but not root). A pty
             # would stay exclusive if we were killed.
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.major(os.fstat(fd).st_rdev) not in _PTYS:
@@ -96,7 +96,7 @@ class SerialPort:
         except (OSError, termios.error) as error:
             os.close(fd)
             raise self._refused(OSError(*error.args)) from None
-        self._lasting = self._lasting or self._named()
+        self._persistent = self._persistent or self._named()
         self._fd = fd
         self._poll = select.poll()
         self._poll.register(fd, select.POLLIN)
@@ -118,7 +118,7 @@ class SerialPort:
             raise self._gone() from None
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come; see `Port.receive`."""
+        """Return what was received; see `Port.receive`."""
         try:
             if self._fd >= 0 and not self._poll.poll(max(0.0, 1e3 * timeout_s)):
                 return b""
@@ -130,14 +130,14 @@ class SerialPort:
         return data
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
         if self._fd >= 0:
             fd, self._fd = self._fd, -1
-            # Closing alone leaves it exclusive where another process has inherited it.
+            # Closing alone leaves it exclusive if another process has inherited it.
             try:
                 fcntl.ioctl(fd, termios.TIOCNXCL)
             except OSError:
-                pass  # it is gone
+                pass  # it was unplugged
             finally:
                 os.close(fd)
 
@@ -149,9 +149,9 @@ class SerialPort:
             return os.write(self._fd, data)
 
     def _find(self) -> Path:
-        """Return where it is now: under its lasting name, if it has one."""
-        if self._lasting is not None and self._lasting.exists():
-            return self._lasting
+        """Return its present path: its persistent name, if it has one."""
+        if self._persistent is not None and self._persistent.exists():
+            return self._persistent
         return self._path
 
     def _named(self) -> Path | None:
@@ -164,7 +164,7 @@ class SerialPort:
         path = self._path
         if error.errno in (errno.ENOTTY, errno.EISDIR):
             return ConfigError(
-                f"{path} is no serial port ({error.strerror})", "list them with endolock doctor"
+                f"{path} is not a serial port ({error.strerror})", "list them with endolock doctor"
             )
         if error.errno in (errno.EAGAIN, errno.EBUSY):
             return PortBusy(

@@ -2,9 +2,9 @@
 
     FF FF FD 00 | id | length | instruction | parameters | CRC-16     numbers little-endian
 
-`length` counts what follows it. Where FF FF FD occurs from the instruction on, another FD is put
-behind it, so that no header can stand inside. The checksum is over everything before it. A status
-packet, the answer, has the instruction 55, and an error byte before its parameters.
+`length` counts what follows it. Where FF FF FD occurs from the instruction on, another FD is added
+after it, so that a packet contains no second header. The checksum is over everything before it. A
+status packet, the answer, has the instruction 55, and an error byte before its parameters.
 
 Reference:
     ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; hw/PROTOCOL.md has an annotated frame.
@@ -25,7 +25,7 @@ _LENGTH = Struct("<H")
 BROADCAST = 0xFE
 """Every device listens to this id; in a status packet it marks the answer of several at once."""
 LONGEST = 1024
-"""A packet that claims more bytes than this after its length was damaged [bytes]. Assumed."""
+"""A packet whose length field is larger than this counts as damaged [bytes]. Assumed."""
 ALERT = 0x80
 """Bit of the error byte: a hardware error is latched in the device."""
 crc = crc16.umts
@@ -50,7 +50,7 @@ class Instruction(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Low bits of the error byte: why a device did not do it."""
+    """Low bits of the error byte: why a device refused."""
 
     FAILED = 1
     INSTRUCTION = 2
@@ -62,12 +62,12 @@ class Refusal(IntEnum):
 
     @property
     def text(self) -> str:
-        """Name it for people."""
+        """Its name, for messages."""
         return self.name.lower().replace("_", " ").replace("crc", "CRC")
 
 
 class Packet(NamedTuple):
-    """One packet as it was meant, without stuffing."""
+    """One packet, without stuffing."""
 
     id: int
     instruction: int
@@ -81,7 +81,7 @@ def encode(device: int, instruction: int, parameters: bytes = b"") -> bytes:
     Args:
         device: id, 0 to 252, or `BROADCAST`.
         instruction: see `Instruction`.
-        parameters: what follows it.
+        parameters: what follows the instruction.
     """
     body = bytes((instruction,)) + parameters
     if _MARK in body:
@@ -91,10 +91,10 @@ def encode(device: int, instruction: int, parameters: bytes = b"") -> bytes:
 
 
 def encode_fast(answers: list[tuple[int, int, bytes]]) -> bytes:
-    """Return the one packet in which several devices answer a fast sync read, without stuffing.
+    """Return the single packet in which several devices answer a fast sync read, without stuffing.
 
-    Each device closes its part with the checksum of all bytes up to there; the last one's is the
-    packet's.
+    Each device ends its part with the checksum of all bytes up to there; the last one is that of
+    the packet.
 
     Args:
         answers: error byte, id and data of each device.
@@ -108,14 +108,14 @@ def encode_fast(answers: list[tuple[int, int, bytes]]) -> bytes:
 
 
 def split_fast(parameters: bytes, size: int) -> list[tuple[int, int, bytes]]:
-    """Take the answer to a fast sync read apart.
+    """Split the answer to a fast sync read.
 
     Args:
         parameters: of the status packet with the id `BROADCAST`.
-        size: bytes of data of each device.
+        size: bytes of data per device.
 
     Returns:
-        Error byte, id and data of each device; nothing where the length fits no such answer.
+        Error byte, id and data of each device; empty where the length does not fit.
     """
     part = size + 4
     if (len(parameters) + 2) % part:
@@ -125,27 +125,27 @@ def split_fast(parameters: bytes, size: int) -> list[tuple[int, int, bytes]]:
 
 
 class Parser:
-    """Finds packets in a stream of bytes, whatever stands between them.
+    """Finds packets in a stream of bytes, whatever is between them.
 
-    A packet whose checksum is wrong is skipped up to the next header, which may stand inside it.
+    A packet with a wrong checksum is skipped up to the next header, which may be inside it.
     """
 
     def __init__(self) -> None:
         self._held = bytearray()
         self.damaged = 0
-        """Packets with a wrong checksum so far."""
+        """Number of packets with a wrong checksum."""
 
     @property
     def partial(self) -> bool:
-        """Whether the stream ended within what may be a packet."""
+        """Whether the stream ends within what may be a packet."""
         return bool(self._held)
 
     def reset(self) -> None:
-        """Forget what came of an unfinished packet."""
+        """Discard an unfinished packet."""
         self._held.clear()
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take in bytes, return the packets that are complete now."""
+        """Add bytes; return the packets that they complete."""
         held = self._held
         held += data
         found: list[Packet] = []

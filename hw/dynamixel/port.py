@@ -1,4 +1,4 @@
-"""Serial ports: what a bus needs of one, and which kind this system has."""
+"""Serial ports: the interface that a bus needs, and the port of this system."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BAUD = 1_000_000
 BITS = 10
 """Bits of one byte on the wire: start, eight, stop."""
 BY_ID = Path("/dev/serial/by-id")
-"""Where Linux names ports by what is plugged in."""
+"""Folder in which Linux names ports by the adapter."""
 
 
 class Port(Protocol):
@@ -19,14 +19,14 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name, for messages."""
 
     def open(self) -> None:
-        """Get hold of it, also after it has gone.
+        """Open it, or open it again after it was unplugged.
 
         Raises:
             PortBusy: another program has it.
-            PortGone: there is none.
+            PortGone: it does not exist.
         """
 
     def set_baud(self, baud: int) -> None:
@@ -40,18 +40,18 @@ class Port(Protocol):
         """
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting for the first byte so long [s]; nothing if none came.
+        """Return what was received; wait at most this time for the first byte [s].
 
         Raises:
             PortGone: it was unplugged.
         """
 
     def close(self) -> None:
-        """Let go of it; may be called twice."""
+        """Close it; may be called twice."""
 
 
 def serial_port(path: str | Path, baud: int) -> Port:
-    """Return a port that is not open yet: ours on Linux, pyserial's elsewhere.
+    """Return a port that is not open yet: our own on Linux, that of pyserial elsewhere.
 
     Raises:
         ConfigError: pyserial is needed and not installed.

@@ -1,4 +1,4 @@
-"""A serial port through pyserial, for Windows and macOS; the extra `serial` installs it."""
+"""A serial port of Windows and macOS, through pyserial; the extra `serial` installs it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ except ModuleNotFoundError:
 
 
 class PortablePort:
-    """A serial port of any system; see `hw.port.Port`.
+    """A serial port of any system; see `port.Port`.
 
     Args:
         path: its name, such as COM3 or /dev/cu.usbserial-1.
@@ -46,7 +46,7 @@ class PortablePort:
                 ) from None
             if "Could not configure port" in said:
                 raise ConfigError(
-                    f"{self.name} is no serial port ({said})", "list them with endolock doctor"
+                    f"{self.name} is not a serial port ({said})", "list them with endolock doctor"
                 ) from None
             raise PortGone(
                 f"{self.name} cannot be opened ({said})",
@@ -70,7 +70,7 @@ class PortablePort:
             raise self._gone() from None
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting for the first byte so long [s]."""
+        """Return what was received; wait at most this time for the first byte [s]."""
         try:
             port = self._open
             port.timeout = max(0.0, timeout_s)
@@ -80,7 +80,7 @@ class PortablePort:
             raise self._gone() from None
 
     def close(self) -> None:
-        """Let go of it; may be called twice."""
+        """Close it; may be called twice."""
         if self._port is not None:
             self._port.close()
             self._port = None

@@ -1,4 +1,4 @@
-"""The control table of Dynamixel X-series servos, as far as handles need it, and its units.
+"""The control table of Dynamixel X-series servos, as far as handles use it, and its units.
 
 Reference:
     ROBOTIS e-Manual, "XM430-W350", control table; other X series of the sizes 430 and 540 have the
@@ -51,7 +51,7 @@ POSITION_P = Register(84, 2)
 WATCHDOG = Register(98, 1)
 GOAL_CURRENT = Register(102, 2)
 PROFILE = Register(108, 8)
-"""Acceleration and velocity of the device's own ramp; zero switches it off."""
+"""Acceleration and velocity of the device's own ramp; zero disables it."""
 GOAL_POSITION = Register(116, 4)
 TICK = Register(120, 2)
 CURRENT = Register(126, 2)
@@ -64,33 +64,33 @@ INDIRECT_DATA = Register(224, 28)
 END = 662
 """Size of the table [bytes]."""
 EEPROM_END = 64
-"""What lies below is kept without power, and locked while torque is on."""
+"""Registers below are kept without power, and locked while torque is on."""
 
 EXTENDED_POSITION, CURRENT_POSITION = 4, 5
-"""Operating modes that count several turns: without and with a limit of the current."""
+"""Operating modes that count several turns: without and with a current limit."""
 TICK_PERIOD = 32768
-"""The device's clock of 1 ms begins again after as many ticks."""
+"""The device's 1 ms clock wraps around after this number of ticks."""
 WATCHDOG_UNIT_S = 0.020
 TRIPPED = -1
-"""What the watchdog reads after it has stopped the motor, as a signed byte."""
+"""Value of the watchdog register after it has stopped the motor, as a signed byte."""
 TURN = 4096
 """Counts of the encoder in one turn."""
 LARGEST_GOAL = 1_048_575
-"""In extended position mode, to either side [counts]."""
+"""Largest goal in extended position mode, in either direction [counts]."""
 OLDEST_FIRMWARE = 38
-"""The first with a bus watchdog; e-Manual."""
+"""First version with a bus watchdog. Source: e-Manual."""
 BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Baud rates, by the value of their register."""
+"""Baud rates, indexed by the value of their register."""
 
 BLOCK = (WATCHDOG, TORQUE_ENABLE, HARDWARE_ERROR, GOAL_POSITION, TICK, CURRENT, VELOCITY, POSITION)
-"""What every cycle reads of a motor, gathered by its indirect addresses."""
+"""Registers that every cycle reads from a motor, gathered by its indirect addresses."""
 BLOCK_SIZE = sum(register.size for register in BLOCK)
 BLOCK_ADDRESSES = tuple(a for r in BLOCK for a in range(r.address, r.address + r.size))
 _BLOCK = Struct("<bBBiHhii")
 
 
 class Block(NamedTuple):
-    """The registers of `BLOCK`."""
+    """Values of the registers of `BLOCK`."""
 
     watchdog: int
     torque: int
@@ -103,20 +103,20 @@ class Block(NamedTuple):
 
 
 def unpack(data: bytes) -> Block:
-    """Read the `BLOCK_SIZE` bytes of a block."""
+    """Decode the `BLOCK_SIZE` bytes of a block."""
     return Block(*_BLOCK.unpack(data))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """What one step of a register is worth; the defaults are the X series'."""
+    """Units of one count of a register; the defaults are those of the X series."""
 
     position_rad: float = 2 * pi / TURN
-    """Of a position [rad]."""
+    """Position [rad]."""
     velocity_rad_s: float = 0.229 * 2 * pi / 60
-    """Of a velocity [rad/s]: 0.229 rpm."""
+    """Velocity [rad/s]: 0.229 rpm."""
     current_a: float = 2.69e-3
-    """Of a current [A]."""
+    """Current [A]."""
 
 
 HARDWARE_ERRORS: dict[int, tuple[Fault, str, str]] = {
@@ -126,6 +126,6 @@ HARDWARE_ERRORS: dict[int, tuple[Fault, str, str]] = {
     0x10: ("voltage", "it had an electrical shock or too little power", "check the power supply"),
     0x20: ("overload", "its load is too high for too long", "free the handle"),
 }
-"""Bits of the hardware error: kind, what happened, what to do first."""
+"""Bits of the hardware error register: kind, what happened, what to do first."""
 DEFAULT_SHUTDOWN = 0x34
 """Hardware errors that switch torque off: overload, electrical shock, overheat."""

@@ -106,10 +106,10 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
         raise ConfigError(f"run.toml tells of no line ({error})", "give a run of a bus") from None
     names = {handle.id: axis for axis, handle in handles.items()}
     drive = ServoDrive(Bus(port, port, names), port, handles, units)
-    while port.place < len(exchanges):
-        request = Parser().feed(exchanges[port.place].request)
+    while port.index < len(exchanges):
+        request = Parser().feed(exchanges[port.index].request)
         kind, data = request[-1].instruction, request[-1].parameters
-        port.seek(port.place)
+        port.seek(port.index)
         try:
             if kind == Instruction.SYNC_READ:
                 yield drive.transfer(_goals(request, drive))
@@ -118,7 +118,7 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
             elif kind == Instruction.WRITE and data.startswith(_DISABLING):
                 drive.torque(False)
             else:
-                port.place += 1  # of setting up
+                port.index += 1  # of setting up
         except DeviceFault:
             drive.hold()  # as the guard did
         except HardwareError:

@@ -298,7 +298,7 @@ def test_what_is_no_serial_port_is_told(make: Make, tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("keep me")
     message = (
-        rf"^{file} is no serial port \(.*Inappropriate ioctl for device.*\); "
+        rf"^{file} is not a serial port \(.*Inappropriate ioctl for device.*\); "
         "list them with endolock doctor$"
     )
     with pytest.raises(ConfigError, match=message):

@@ -386,7 +386,7 @@ def test_ports_that_are_none_are_red_rows(tmp_path: Path) -> None:
         Finding(
             "port",
             False,
-            "file is no serial port (Inappropriate ioctl for device)",
+            "file is not a serial port (Inappropriate ioctl for device)",
             "see what the row serial says of it, or give a port that it lists",
         )
     ]
