@@ -27,6 +27,7 @@ from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
 from endolock.twin.world.playback import Course
@@ -66,7 +67,7 @@ class SurrogateRig(ClosingRig):
 
     Args:
         scenario: name, TOML file or loaded scenario, with a board that moves and nothing else.
-        transmission: from handles to bends.
+        transmission: from handles to bends; plays fitted to the instrument if None.
         instrument: its lengths, handles and encoders are used; the default if None.
         seed: of every random number.
 
@@ -82,13 +83,14 @@ class SurrogateRig(ClosingRig):
         self,
         scenario: str | Path | Scenario = "straight",
         *,
-        transmission: Transmission,
+        transmission: Transmission | None = None,
         instrument: Instrument | None = None,
         seed: int = 0,
     ) -> None:
         self.scenario = loaded(scenario)
         _check(self.scenario)
         made = instrument or Instrument()
+        transmission = transmission or plays_of(made, self.scenario.shaft_bend_deg)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.clock = SurrogateClock(self)
         self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
@@ -157,7 +159,7 @@ class SurrogatePlant:
 
     Args:
         scenario: moves the board.
-        transmission: from handles to bends.
+        transmission: from handles to bends; plays fitted to the instrument if None.
         instrument: gives the lengths.
         seed: of what is random in the scenario.
     """

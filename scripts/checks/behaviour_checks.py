@@ -21,10 +21,10 @@ from endolock.scripts.checks.strokes import (
     turn,
     width,
 )
-from endolock.scripts.runs import rigs
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
 from endolock.twin.world import instrument_files
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.instrument_cable import transmission_of
 
@@ -243,7 +243,7 @@ def work_dissipated() -> float:
 )
 def surrogate() -> float:
     """Drive twin and surrogate with the same goals [deg]."""
-    return apart_from_twin(rigs.plays_of(Instrument(), 180.0))
+    return apart_from_twin(plays_of(Instrument(), 180.0))
 
 
 @check(

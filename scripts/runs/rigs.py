@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
 from math import radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from endolock.control.transmission import plays, quasi_static
 from endolock.control.transmission.plays import ONE_PLAY, Plays
-from endolock.hw.api import ConfigError, Rig, Vector
+from endolock.hw.api import ConfigError, Rig
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
@@ -22,6 +17,7 @@ from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import NUMERICS, Instrument
 from endolock.twin.world.instrument_cable import transmission_of
 from endolock.twin.world.scenario import Scenario
@@ -33,8 +29,6 @@ from endolock.vision.truth_eyes import TruthEyes
 SERIAL = "serial:"
 """Prefix of the bench on a serial port."""
 AnyRig = TwinRig | HilRig | SurrogateRig | SerialRig
-RADII = tuple(float(r) for r in np.linspace(0.0, 0.6, 25))
-"""Half-widths of plays that are fitted to an instrument [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,16 +64,15 @@ class RigKind(NamedTuple):
     """Whether it can take pictures."""
 
 
-def _model(rig: str) -> Callable[[Setup], SurrogateRig]:
-    def make(setup: Setup) -> SurrogateRig:
-        return SurrogateRig(
-            setup.scenario,
-            transmission=transmission(rig, setup.instrument, setup.scenario.shaft_bend_deg),
-            instrument=setup.instrument,
-            seed=setup.seed,
-        )
+def _surrogate(setup: Setup, transmission: Transmission | None = None) -> SurrogateRig:
+    return SurrogateRig(
+        setup.scenario, transmission=transmission, instrument=setup.instrument, seed=setup.seed
+    )
 
-    return make
+
+def _wires(setup: Setup) -> SurrogateRig:
+    shaft_rad = radians(setup.scenario.shaft_bend_deg)
+    return _surrogate(setup, transmission_of(setup.instrument, shaft_rad))
 
 
 RIGS: dict[str, RigKind] = {
@@ -92,11 +85,11 @@ RIGS: dict[str, RigKind] = {
         lambda setup: HilRig(setup.scenario, **setup.options, wall=True),
         "the same in wall-clock time",
     ),
-    "surrogate": RigKind(_model("surrogate"), "plays fitted to the instrument", pictures=False),
-    "play": RigKind(_model("play"), "one play of constant width", pictures=False),
-    "quasi_static": RigKind(
-        _model("quasi_static"), "the instrument's wires without inertia", pictures=False
+    "surrogate": RigKind(_surrogate, "plays fitted to the instrument", pictures=False),
+    "play": RigKind(
+        lambda setup: _surrogate(setup, ONE_PLAY), "one play of constant width", pictures=False
     ),
+    "quasi_static": RigKind(_wires, "the instrument's wires without inertia", pictures=False),
 }
 """The one list of simulated rigs; besides them there is serial:PORT."""
 VISIONS = {
@@ -250,47 +243,6 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
     return None
 
 
-def transmission(rig: str, instrument: Instrument, shaft_deg: float) -> Transmission:
-    """Return what lies between handles and bends of a rig without pictures.
-
-    Args:
-        rig: one of `RIGS` without pictures.
-        instrument: what the endoscope is made of; one play of constant width needs none.
-        shaft_deg: bend of its shaft [deg].
-    """
-    if rig == "quasi_static":
-        return transmission_of(instrument, radians(shaft_deg))
-    return plays_behind(rig, instrument, shaft_deg)
-
-
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
     """Return the hysteresis model that comes nearest to a rig: on a surrogate, its very own."""
     return ONE_PLAY if rig == "play" else plays_of(instrument, shaft_deg)
-
-
-@lru_cache(maxsize=64)
-def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] = RADII) -> Plays:
-    """Fit plays to one axis of an instrument, as the quasi-static solver has it.
-
-    Args:
-        instrument: what the endoscope is made of.
-        shaft_deg: bend of its shaft [deg].
-        radii: half-widths to be weighted [rad].
-    """
-    handle = exercise()
-    still = np.zeros(len(handle))
-    wires = transmission_of(instrument, radians(shaft_deg))
-    bend, _ = quasi_static.simulate(wires.cable, wires.geometry, handle, still, still)
-    return plays.fit(handle, bend, radii)[0]
-
-
-def exercise(largest_rad: float = 1.4, step_rad: float = 0.02) -> Vector:
-    """Handle angles that go to and fro in strokes of all sizes, from rest [rad]."""
-    turns = [0.0]
-    for share in (1.0, 0.6, 0.3, 0.1):
-        turns += [share * largest_rad, -share * largest_rad, share * largest_rad, 0.0]
-    parts = [
-        np.linspace(a, b, max(2, round(abs(b - a) / step_rad)), endpoint=False)
-        for a, b in pairwise(turns)
-    ]
-    return np.concatenate(parts)

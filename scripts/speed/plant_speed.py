@@ -9,10 +9,10 @@ import numpy as np
 
 from endolock.control import loop, registry
 from endolock.hw.api import Command
-from endolock.scripts.runs import rigs
 from endolock.scripts.speed.median_times import median_times
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.vision.truth_eyes import TruthEyes
 
@@ -62,7 +62,7 @@ def _physics(numerics: Numerics) -> tuple[float, float]:
 
 def surrogate() -> dict[str, float]:
     """Simulated seconds a second of the surrogate: behind its rig API, and in the loop, `pi`."""
-    plays = rigs.plays_of(Instrument(), 180.0)
+    plays = plays_of(Instrument(), 180.0)
 
     def driven() -> None:
         with SurrogateRig("straight", transmission=plays) as rig:

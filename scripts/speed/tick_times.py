@@ -10,8 +10,8 @@ import numpy as np
 from endolock.control import loop, registry
 from endolock.control.loop import Controller
 from endolock.hw.api import Command, State, Vector
-from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.observation import Observation
 from endolock.vision.truth_eyes import TruthEyes
@@ -58,7 +58,7 @@ def p99() -> dict[str, float]:
 
 @lru_cache(maxsize=1)
 def _taken() -> dict[str, Vector]:
-    plays = rigs.plays_of(Instrument(), 180.0)
+    plays = plays_of(Instrument(), 180.0)
     result = {}
     for name in sorted(registry.LAWS):
         settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})

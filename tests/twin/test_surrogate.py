@@ -15,10 +15,10 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
 from endolock.hw.api import Command, ConfigError, Pose
-from endolock.scripts.runs import rigs
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import Follower, SurrogateRig
 from endolock.twin.world import scenario
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import transmission_of
 from endolock.vision import camera_model
@@ -101,7 +101,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
 def test_laws_do_on_it_about_what_they_do_on_the_twin(name: str) -> None:
-    plays, wires = rigs.plays_of(Instrument(), 180.0), transmission_of(Instrument(), pi)
+    plays, wires = plays_of(Instrument(), 180.0), transmission_of(Instrument(), pi)
     twin = {law: scored(TwinRig(name, pictures=False), law) for law in LAWS}
     # The same wires without inertia and gravity: 2 % measured.
     near = {law: scored(SurrogateRig(name, transmission=wires), law) for law in LAWS}
@@ -135,7 +135,7 @@ def test_wires_widen_the_loop_with_the_bend_of_the_other_axis() -> None:
 
 
 def test_plays_of_an_instrument_without_friction_have_no_width() -> None:
-    free = rigs.plays_of(Instrument(conduit_friction=0.0, section_friction=0.0), 180.0)
+    free = plays_of(Instrument(conduit_friction=0.0, section_friction=0.0), 180.0)
     axis = Hysteresis(free)
     up = axis.follow(1.0)
     axis.follow(1.5)

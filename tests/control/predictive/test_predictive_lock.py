@@ -15,9 +15,9 @@ from endolock.control.predictive.internal_model import PRIOR, RADII
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.predictive.target_prediction import Bank, Harmonic, Mover
 from endolock.control.transmission.plays import ONE_PLAY, Plays, play
-from endolock.scripts.runs import rigs
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world import scenario
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument
 from endolock.vision.truth_eyes import TruthEyes
 
@@ -171,7 +171,7 @@ def test_it_turns_cautious_when_reversals_multiply_and_back() -> None:
 
 
 def test_its_inside_is_told() -> None:
-    rig = SurrogateRig("straight", transmission=rigs.plays_of(Instrument(), 180.0))
+    rig = SurrogateRig("straight", transmission=plays_of(Instrument(), 180.0))
     law = registry.make("predictive_bank", rig.camera.calibration)
     with rig:
         rig.clock.sleep_until(0.0)
