@@ -220,7 +220,7 @@ def loop_widths() -> float:
     why="damping at 0.1 rad/s",
 )
 def slow_loops() -> float:
-    """Compare bends of whole instruments, pretension and sheath included, with a solver [deg]."""
+    """Compare the bends of complete instruments with those of a quasi-static solver [deg]."""
     worst = 0.0
     for name, shaft in product(instrument_files.names(), SHAFTS_DEG[:2]):
         made = instrument_files.load(name)

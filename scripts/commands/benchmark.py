@@ -32,11 +32,11 @@ from endolock.scripts.speed import (
 class Request:
     """Measure the speed of physics, rendering, vision, control, link, logging, protocols and runs.
 
-    With Gymnasium installed (./run test --extra), also that of the environments.
+    With Gymnasium installed (./run test --extra), the environments are measured too.
     """
 
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the figures there as JSON; - prints them, and nothing else, on standard output."""
+    """Write the figures to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
@@ -81,7 +81,7 @@ MEASURES: Mapping[str, Callable[[], dict[str, Any]]] = {
 
 
 def _table(figures: dict[str, Any]) -> Table:
-    result = Table(title="endolock benchmark (rtf: simulated seconds a second)")
+    result = Table(title="endolock benchmark (rtf: simulated seconds per second)")
     for heading in ("part", "figure", "value"):
         result.add_column(heading, justify="right" if heading == "value" else "left")
     for part, values in figures.items():

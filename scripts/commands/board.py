@@ -1,4 +1,4 @@
-"""`endolock board`: the printed boards for the bench, on paper or moving on a screen."""
+"""`endolock board`: boards for the bench, printed or moving on a screen."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 
 RATE_HZ = 100.0
-"""Of the path in a page."""
+"""Sampling rate of the path in a page [Hz]."""
 LONGEST_S = 3600.0
+"""Maximum duration of the path in a page [s]."""
 OTHER = "use another --out"
-"""What to do where a file cannot be written."""
+"""Next step if a file cannot be written."""
 
 _File = Annotated[tyro.conf.DisallowNone[Path | None], tyro.conf.arg(metavar="FILE")]
 _Play = Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="SCENARIO")]
@@ -37,14 +38,14 @@ _Play = Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="SCE
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Write a board to print, or a page that moves it on a screen as a scenario says."""
+    """Write a board to print, or a page that moves it on a screen along a scenario's path."""
 
     out: _File = None
-    """The SVG to write, of true size; with --play the page, else board-SCENARIO.html here."""
+    """SVG file to write, in true size; with --play the page, default: board-SCENARIO.html."""
     kind: tyro.conf.DisallowNone[str | None] = None
-    """Which board: rings, tissue, several; else rings, with --play the scenario's."""
+    """Board: rings, tissue or several; default: rings, with --play the scenario's."""
     play: _Play = None
-    """Write a page that moves the board along this scenario's path, and open it where there is a
+    """Write a page that moves the board along this scenario's path, and open it if there is a
     screen. Tilt, shaft, pushes and occluders are not shown."""
 
 
@@ -56,16 +57,16 @@ def main(request: Request) -> int:
         path = _named(request.out or Path(f"board-{scenario.name}.html"), ".html", "the page")
         write_whole(path, page(scenario, request.kind or scenario.board.kind), OTHER)
         opened = endolock.has_screen() and webbrowser.open(path.resolve().as_uri())
-        said = f"wrote and opened {path}" if opened else f"wrote {path}; open it in any browser"
+        message = f"wrote and opened {path}" if opened else f"wrote {path}; open it in any browser"
     elif request.out is not None:
         path = _named(request.out, ".svg", "the board to print")
         write_whole(path, board_svg.sheet(find(request.kind or "rings")), OTHER)
-        said = f"wrote {path}; print it at 100 % and measure its ruler"
+        message = f"wrote {path}; print it at 100 % and measure its ruler"
     else:
         raise ConfigError(
             "neither --out nor --play", "give --out FILE.svg to print a board, or --play SCENARIO"
         )
-    console.print(said, soft_wrap=True, highlight=False, markup=False)
+    console.print(message, soft_wrap=True, highlight=False, markup=False)
     return 0
 
 
@@ -73,7 +74,7 @@ def find(kind: str) -> PrintedBoard:
     """Return a board by name.
 
     Raises:
-        ConfigError: there is none of that name.
+        ConfigError: no board has this name.
     """
     known = boards.all_boards()
     if kind not in known:
@@ -82,11 +83,11 @@ def find(kind: str) -> PrintedBoard:
 
 
 def page(scenario: Scenario, kind: str) -> str:
-    """Write the page that moves a board, with everything in it.
+    """Return the page that moves a board, with everything it needs.
 
     Args:
-        scenario: whose path the board shall follow, with seed 0.
-        kind: which board.
+        scenario: the scenario whose path the board follows, with seed 0.
+        kind: name of the board.
 
     Raises:
         ConfigError: no such board, or the scenario is too long.
@@ -94,9 +95,9 @@ def page(scenario: Scenario, kind: str) -> str:
     board = find(kind)
     if scenario.duration_s > LONGEST_S:
         raise ConfigError(
-            f"scenario {scenario.name}: duration_s {scenario.duration_s:g} is longer than the "
-            f"{LONGEST_S:g} that a page holds",
-            "use a file with a shorter one",
+            f"scenario {scenario.name}: duration_s {scenario.duration_s:g} is above the maximum "
+            f"of {LONGEST_S:g} for a page",
+            "use a scenario file with a shorter duration_s",
         )
     course = Course(scenario, seed=0)
     times = np.arange(math.ceil(scenario.duration_s * RATE_HZ) + 1) / RATE_HZ
@@ -123,5 +124,7 @@ def page(scenario: Scenario, kind: str) -> str:
 
 def _named(path: Path, ending: str, what: str) -> Path:
     if path.suffix.lower() != ending:
-        raise ConfigError(f"cannot write {what} as {path}", f"give --out a name in {ending}")
+        raise ConfigError(
+            f"cannot write {what} as {path}", f"give --out a name that ends in {ending}"
+        )
     return path

@@ -1,4 +1,4 @@
-"""`endolock calibrate`: the geometry of a camera from a recorded sequence of a board."""
+"""`endolock calibrate`: the geometry of a camera from a recording of a board."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from endolock.vision.grey import grey_of, smoothed
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Calibrate a camera from pictures of a printed board, seen from several sides."""
+    """Calibrate a camera from pictures of a printed board, taken from several directions."""
 
     source: tyro.conf.Positional[Path]
     """Run folder, or video file."""
     times: tyro.conf.DisallowNone[Path | None] = None
-    """CSV file with the time stamps of a video."""
+    """CSV file with the time stamps of a video: t_capture, t_available [s]."""
     board: tyro.conf.DisallowNone[str | None] = None
-    """rings, tissue or several; else that of the run, or rings."""
+    """Board: rings, tissue or several; default: that of the run, or rings."""
     projection: Literal["pinhole", "equidistant"] = "pinhole"
-    """Of the lens: equidistant is a fisheye."""
+    """Projection of the lens; equidistant is a fisheye."""
     out: Path = Path("camera.toml")
     """File to write."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write it there as JSON too; - prints it, and nothing else, on standard output."""
+    """Also write it to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
@@ -45,14 +45,14 @@ def main(request: Request) -> int:
     views: list[list[Marker]] = []
     size: tuple[int, int] | None = None
     err = Console(stderr=True)
-    with err.status("looking for the board"):
+    with err.status("detecting the board"):
         for frame in recording.frames:
             if frame.image is None or frame.repeated:
                 continue
             height, width, _ = frame.image.shape
             if size not in (None, (width, height)):
                 raise ConfigError(
-                    f"pictures of {request.source} differ in size", "give one camera's"
+                    f"pictures of {request.source} differ in size", "use pictures of one camera"
                 )
             size = width, height
             views.append(detect(smoothed(grey_of(frame.image))))
@@ -61,9 +61,9 @@ def main(request: Request) -> int:
     camera_file.write(found, request.out)
     output.write_json(asdict(found), request.json)
     if request.json != "-":
-        (u, v), told = found.centre_px, ", ".join(f"{c:.4g}" for c in found.distortion)
+        (u, v), distortion = found.centre_px, ", ".join(f"{c:.4g}" for c in found.distortion)
         Console(highlight=False).print(
             f"f {found.focal_px:.2f} px, aspect {found.aspect:.4f}, centre {u:.1f}, {v:.1f} px\n"
-            f"distortion {told}\nrms {found.rms_px:.3f} px; wrote {request.out}"
+            f"distortion {distortion}\nrms {found.rms_px:.3f} px; wrote {request.out}"
         )
     return 0

@@ -1,4 +1,4 @@
-"""`endolock hysteresis`: how much handle motion is lost on the way to the tip, bend by bend."""
+"""`endolock hysteresis`: lost motion between handle and tip, at several bends."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from endolock.twin.world.scenario import Scenario
 from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
 BENDS_DEG = (0, 30, 60, 90)
-"""Bends at which widths are told."""
+"""Bends at which widths are reported."""
 MAP_OWN_DEG = tuple(range(0, 91, 10))
 MAP_OTHER_DEG = (0, 15, 30, 45, 60, 75)
 MAP_SHAFT_DEG = tuple(range(0, 361, 45))
 LOOP_POINTS = 400
-"""Points of the loop in the JSON."""
+"""Number of points of the loop in the JSON, about."""
 USUAL_CREST_RAD = 2.8
-"""For the progress bar: how far the handle usually turns."""
+"""Usual handle angle of the crests [rad], for the progress bar."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,28 +45,28 @@ class Request:
     """Measure the hysteresis of one axis with slow strokes and a pose tracker."""
 
     axis: Literal["up_down", "left_right"] = "up_down"
-    """Which handle turns."""
+    """Handle that turns."""
     other_axis_deg: float = 0.0
-    """Bend the other axis so far first, and hold its handle [deg]."""
+    """Bend of the other axis, reached first and held [deg]."""
     shaft_deg: float = 180.0
     """Bend of the shaft [deg]."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
+    """Instrument: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     numerics: Literal["default", "fast", "fidelity"] = "default"
-    """How finely it is simulated."""
+    """Numerics of the simulation."""
     rig: str = "twin"
-    """What to drive: twin, hil or hil:wall."""
+    """Rig to drive: twin, hil or hil:wall."""
     noise_deg: float = PoseTrackerSettings().rotation_noise_deg
-    """Noise of the pose tracker about each axis [deg], standard deviation."""
+    """Noise of the pose tracker about each axis, standard deviation [deg]."""
     map: bool = False
     """Also measure the width over own and other bend, and over the bend of the shaft."""
     seed: int = 0
-    """Of the tracker's noise."""
+    """Seed of the tracker's noise."""
     out: tyro.conf.DisallowNone[Path | None] = None
-    """Folder for the log (readable by endolock identify), the figures and hysteresis.png, new or
-    empty; nothing is written without it."""
+    """Folder for the log (readable by endolock identify), the figures and hysteresis.png; new or
+    empty. Without it nothing is written."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the figures there as JSON; - prints them, and nothing else, on standard output."""
+    """Write the figures to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
@@ -75,7 +75,7 @@ def main(request: Request) -> int:
     console = Console(stderr=request.json == "-")
     record = perform(request)
     if request.out:
-        from endolock.scripts.figures import hysteresis_figure  # Matplotlib takes its time
+        from endolock.scripts.figures import hysteresis_figure  # loads Matplotlib
 
         with console.status("drawing hysteresis.png"):
             hysteresis_figure.draw(record, request.out / "hysteresis.png")
@@ -102,15 +102,14 @@ def scenario_for(shaft_deg: float, noise_deg: float) -> Scenario:
 
 
 def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
-    """Run the protocol and work out its figures; with `out`, leave a run folder.
+    """Run the protocol and compute its figures; with `out`, write a run folder.
 
     Args:
         request: what to measure.
-        show_progress: whether there is a progress bar.
+        show_progress: whether to show a progress bar.
 
     Returns:
-        The record: width, deadband_rad, max_bend_deg, drift_deg_per_min, loop, and what was
-        measured besides.
+        The record: width, deadband_rad, max_bend_deg, drift_deg_per_min, loop, and further figures.
 
     Raises:
         ConfigError: the request cannot be carried out; nothing was written.
@@ -136,7 +135,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
 
 
 def figures(strokes: RecordedStrokes) -> dict[str, Any]:
-    """Work the recorded strokes out; widths are fractions of 180 deg of handle angle."""
+    """Compute the figures of recorded strokes; widths are fractions of 180 deg of handle angle."""
     falling, rising = strokes.loop
     handle = [*falling.handle, *rising.handle]
     bend = [*falling.bend, *rising.bend]
@@ -161,7 +160,7 @@ def figures(strokes: RecordedStrokes) -> dict[str, Any]:
 
 
 def table(record: dict[str, Any]) -> Table:
-    """Lay a record out for people."""
+    """Format a record as a table."""
     title = (
         f"{record['axis']}, shaft at {record['shaft_deg']:g} deg, other axis at "
         f"{record['other_axis_deg']:.0f} deg; handle motion lost, of 180 deg"
@@ -171,8 +170,8 @@ def table(record: dict[str, Any]) -> Table:
     for heading in BENDS_DEG:
         result.add_column(f"{heading} deg", justify="right")
     result.add_row("full loop", *map(_cell, record["width"].values()))
-    for side, ways in record["strokes"].items():
-        back, out = ways["back"].values(), ways["out"].values()
+    for side, strokes in record["strokes"].items():
+        back, out = strokes["back"].values(), strokes["out"].values()
         result.add_row(f"{side} stroke to there, after the turn", "", *map(_cell, back))
         result.add_row("... and after the turn at zero before it", "", *map(_cell, out))
     result.caption = (
@@ -187,10 +186,10 @@ def table(record: dict[str, Any]) -> Table:
 def _strokes(
     request: Request, show_progress: bool, *, whole: bool = True
 ) -> tuple[RecordedStrokes, float, float]:
-    """Run the protocol once; also return the other axis' bend [rad] and the time it took [s]."""
+    """Run the protocol once; return strokes, bend of the other axis [rad] and duration [s]."""
     if request.rig.startswith(rigs.SERIAL):
         raise ConfigError(
-            "a bench has no pose tracker here",
+            "a bench has no pose tracker",
             "use --rig twin or hil, or log strokes as a CSV file for endolock identify",
         )
     rig, _ = rigs.make(
@@ -203,8 +202,8 @@ def _strokes(
     )
     quarters = 15.0 if whole else 5.0
     expected_s = quarters * USUAL_CREST_RAD / SPEED_RAD_S + (32.0 if whole else 0.0)
-    with rig, progress("strokes", round(expected_s), show_progress) as tell:
-        protocol = Protocol(rig, AXES.index(request.axis), tell)
+    with rig, progress("strokes", round(expected_s), show_progress) as report:
+        protocol = Protocol(rig, AXES.index(request.axis), report)
         other_axis_rad = protocol.bend_other_axis(radians(request.other_axis_deg))
         folder = None
         if request.out and whole:
@@ -232,7 +231,7 @@ def _maps(request: Request, show_progress: bool) -> dict[str, Any]:
     for point in bar:
         try:
             loops.append(_strokes(point, False, whole=False)[0])
-        except ConfigError:  # the other axis does not bend so far: nothing to tell there
+        except ConfigError:  # the other axis does not reach this bend: no figures for this row
             loops.append(None)
     beside, bent = loops[: len(others)], loops[len(others) :]
     return {
@@ -252,7 +251,7 @@ def _maps(request: Request, show_progress: bool) -> dict[str, Any]:
 
 
 def _width(strokes: RecordedStrokes, bend_deg: float) -> float | None:
-    """Width of the loop at a bend, the mean of both sides, as a fraction of 180 deg."""
+    """Width of the loop at a bend, mean of both sides, as a fraction of 180 deg."""
     sides = [_fraction(*strokes.loop, sign * bend_deg) for sign in (1, -1)]
     found = [side for side in sides if side is not None]
     return sum(found) / 2 if len(found) == 2 else None
@@ -278,5 +277,5 @@ def _deadband(strokes: RecordedStrokes) -> float:
 
 
 def _plain(request: Request) -> dict[str, Any]:
-    told = {k: v for k, v in asdict(request).items() if k not in ("json", "map")}
-    return {k: str(v) if isinstance(v, Path) else v for k, v in told.items()}
+    options = {k: v for k, v in asdict(request).items() if k not in ("json", "map")}
+    return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}

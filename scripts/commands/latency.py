@@ -1,7 +1,7 @@
-"""`endolock latency`: how late the video is, from handle motion against image motion.
+"""`endolock latency`: latency of the video, from handle motion and image motion.
 
-One handle runs to and fro with a speed that is modulated but never changes its sign within a
-stroke; the camera looks at something that stands still and has texture.
+One handle moves back and forth; its speed is modulated but never changes sign within a stroke. The
+camera looks at a textured scene at rest.
 """
 
 from __future__ import annotations
@@ -29,35 +29,36 @@ from endolock.vision.observation import Eyes
 STROKE_S = 6.0
 SPEED_RAD_S = 0.30
 MODULATION = ((0.9, 0.35), (1.7, 0.30), (2.9, 0.25))
-"""Frequency [Hz] and share of the speed; together less than 1, so the handle never turns back."""
+"""Frequency [Hz] and share of the speed; the sum is below 1, so the handle never reverses."""
 LEAD_S = 1.0
-"""A slow start [s]."""
+"""Duration of the slow start [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Measure the latency of the video chain: exposure to delivery, without vision's own time."""
+    """Measure the latency of the video, from exposure to delivery, without the time for vision."""
 
     rig: str = "twin"
-    """What to drive: twin, hil, hil:wall, or serial:PORT."""
+    """Rig to drive: twin, hil, hil:wall, or serial:PORT."""
     bench: tyro.conf.DisallowNone[Path | None] = None
-    """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
+    """With serial: TOML file of the bench; default: bench.toml in the current folder, if there is
+    one."""
     scenario: str = "rest"
-    """What the camera looks at; it must stand still."""
+    """Scenario in front of the camera; it must be at rest."""
     axis: str = "left_right"
-    """Which handle turns: up_down or left_right."""
+    """Handle that turns: up_down or left_right."""
     instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
+    """Instrument: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     latency_s: tyro.conf.DisallowNone[float | None] = None
-    """Latency of the twin's video [s], which the measurement is not told; else the scenario's."""
+    """Latency of the twin's video, unknown to the measurement [s]; default: the scenario's."""
     jitter_s: tyro.conf.DisallowNone[float | None] = None
-    """The twin's latency varies by +- this [s]; else the scenario's."""
+    """Jitter of the twin's latency, +- [s]; default: the scenario's."""
     strokes: int = 8
-    """How many strokes, 4 or more."""
+    """Number of strokes, 4 or more."""
     seed: int = 0
-    """Of every random number."""
+    """Seed of all random numbers."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the result there as JSON; - prints it, and nothing else, on standard output."""
+    """Write the result to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
@@ -74,21 +75,21 @@ def main(request: Request) -> int:
         console.print(f"jitter      {1e3 * record['jitter_s']:.1f} ms (standard deviation)")
         console.print(f"frame rate  {record['frame_rate_hz']:.2f} Hz")
         console.print(
-            f"vision      {record['vision_ms']:.1f} ms to compute the markers of one frame: that "
-            "comes on top, and is not the latency"
+            f"vision      {record['vision_ms']:.1f} ms per frame for the markers, not part of the "
+            "latency"
         )
     return 0
 
 
 def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
-    """Move the handle, watch the picture, compare.
+    """Move the handle and correlate its motion with that of the picture.
 
     Args:
         request: what to measure.
-        show_progress: whether there is a progress bar.
+        show_progress: whether to show a progress bar.
 
     Raises:
-        ConfigError: the request cannot be carried out, or the picture tells nothing.
+        ConfigError: the request cannot be carried out, or the pictures show no motion.
         HardwareError: the handles stopped.
     """
     if request.axis not in AXES:
@@ -114,7 +115,7 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
     frames: list[tuple[float, int, float]] = []
     taken: list[float] = []
     newest = -1
-    with rig, progress("latency", duration_s, show_progress) as tell:
+    with rig, progress("latency", duration_s, show_progress) as report:
         rig.actuators.enable()
         command: Command | None = None
         start = rig.clock.now()
@@ -130,11 +131,11 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
             if command is None:
                 goal = list(state.position)
                 began = goal[axis]
-            # From where the handle stands, not with a leap.
+            # Start at the present angle, without a step.
             left = max(0.0, 1.0 - (t - start) / LEAD_S)
-            goal[axis] = wanted(t - start, request.strokes) + began * left
+            goal[axis] = stroke_angle(t - start, request.strokes) + began * left
             command = Command(position=goal)
-            tell(t)
+            report(t)
     delivered, seq, rotation = (np.array(column) for column in zip(*frames, strict=True))
     motion = latency_estimate.strokes(np.array(times), np.array(handles))
     found = latency_estimate.measure(motion, delivered, seq, rotation[1:])
@@ -155,17 +156,17 @@ def perform(request: Request, *, show_progress: bool = True) -> dict[str, Any]:
     }
 
 
-def wanted(t: float, count: int) -> float:
-    """Handle angle to ask for at time `t` [rad]: from one end to the other and back, unevenly."""
+def stroke_angle(t: float, count: int) -> float:
+    """Goal of the handle at time `t` [rad]: strokes from end to end with modulated speed."""
     half = SPEED_RAD_S * STROKE_S / 2
     since = t - LEAD_S
     if since <= 0:
         return -half * max(0.0, t / LEAD_S)
     number, phase = divmod(min(since, count * STROKE_S), STROKE_S)
-    way = SPEED_RAD_S * (phase + sum(_swing(f, a, phase) for f, a in MODULATION))
+    travelled = SPEED_RAD_S * (phase + sum(_swing(f, a, phase) for f, a in MODULATION))
     end = SPEED_RAD_S * (STROKE_S + sum(_swing(f, a, STROKE_S) for f, a in MODULATION))
-    share = 2 * half * way / end - half
-    return float(share if number % 2 == 0 else -share)
+    angle = 2 * half * travelled / end - half
+    return float(angle if number % 2 == 0 else -angle)
 
 
 def _swing(frequency_hz: float, share: float, t: float) -> float:
@@ -175,7 +176,7 @@ def _swing(frequency_hz: float, share: float, t: float) -> float:
 
 
 def _turn(turning: EgoMotion, frame: Frame, axis: int) -> float:
-    """Rotation of the camera about the handle's axis since the frame before [rad]."""
+    """Rotation of the camera about the handle's axis since the previous frame [rad]."""
     turn = turning(frame)
     return float("nan") if isinstance(turn, str) else float(turn.vector[axis])
 

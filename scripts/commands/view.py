@@ -1,4 +1,4 @@
-"""`endolock view`: look at a logged run in the Rerun viewer."""
+"""`endolock view`: show a run in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ class Request:
 
 def main(request: Request) -> int:
     """Carry out `endolock view`; return the exit code."""
-    from endolock.scripts.figures import rerun_export  # Rerun takes a second to load
+    from endolock.scripts.figures import rerun_export  # loads Rerun, one second
 
     console = Console()
     if not request.folder.is_dir():
-        raise ConfigError(f"{request.folder} is no folder", "give a run folder, such as runs/...")
+        raise ConfigError(
+            f"{request.folder} is not a folder", "give a run folder, such as runs/..."
+        )
     with console.status("deriving run.rrd"):
         rerun_export.derive(request.folder)
     show(request.folder, console)
@@ -36,11 +38,11 @@ def main(request: Request) -> int:
 
 
 def show(folder: Path, console: Console) -> None:
-    """Open run.rrd where there is a screen; elsewhere say how to look at it."""
+    """Open run.rrd if there is a screen; otherwise print how to view it."""
     path = folder / "run.rrd"
     if not endolock.has_screen():
         console.print(
-            f"no screen here; wrote {path}. Open it in a browser with: rerun {path} --serve-web",
+            f"no screen; wrote {path}. Open it in a browser with: rerun {path} --serve-web",
             soft_wrap=True,
             highlight=False,
             markup=False,

@@ -1,4 +1,4 @@
-"""`endolock watch`: a recorded video through the same camera and the same eyes as a live one."""
+"""`endolock watch`: vision on a recorded video, through the same interfaces as on a live one."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from endolock.vision.track_eyes import TrackEyes
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Let vision look at a recording again: a run folder, or a video file with time stamps."""
+    """Run vision on a recording: a run folder, or a video file with time stamps."""
 
     source: tyro.conf.Positional[Path]
     """Run folder, or video file."""
     times: tyro.conf.DisallowNone[Path | None] = None
     """CSV file with the time stamps of a video: t_capture, t_available [s]."""
     calibration: tyro.conf.DisallowNone[Path | None] = None
-    """TOML file of the camera; a video needs one, see endolock calibrate."""
+    """TOML file of the camera; required for a video, see endolock calibrate."""
     board: tyro.conf.DisallowNone[str | None] = None
-    """rings, tissue or several; else that of the run, or rings."""
+    """Board: rings, tissue or several; default: that of the run, or rings."""
     vision: str = "markers"
     """markers: find the board in the pictures; track: follow the target without markers."""
     select: tyro.conf.DisallowNone[str | None] = None
     """With track: rectangle of the first picture to follow, as X,Y,WIDTH,HEIGHT [px]."""
     out: tyro.conf.DisallowNone[Path | None] = None
-    """Write a run folder there, new or empty, with pictures and observations."""
+    """Run folder to write, with pictures and observations; new or empty."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the scores there as JSON; - prints them, and nothing else, on standard output."""
+    """Write the scores to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
     """Carry out `endolock watch`; return the exit code."""
     output.check_json(request.json)
-    with Console(stderr=True).status("looking"):
+    with Console(stderr=True).status("running vision"):
         record = perform(request)
     output.write_json(record, request.json)
     if request.json != "-":
@@ -57,20 +57,20 @@ def main(request: Request) -> int:
         seen, judged = record["delayed_error_px"]["rms"], record["vision_error_px"]
         console.print(
             f"{record['frames']} frames, target found in {100 * (found or 0):.1f} %, "
-            f"{record['vision_ms']:.1f} ms a frame"
+            f"{record['vision_ms']:.1f} ms per frame"
         )
         if seen is not None:
-            console.print(f"target off the image centre, rms: {seen:.1f} px")
+            console.print(f"distance of the target from the image centre, rms: {seen:.1f} px")
         if judged and judged["rms"] is not None:
             off = f"{judged['rms']:.2f} px, at most {judged['max']:.2f} px"
-            console.print(f"target off where the markers say it is, rms: {off}")
+            console.print(f"distance of the target from its position by the markers, rms: {off}")
         for why, count in record["refused"].items():
             console.print(f"{count:6d}  {why}", markup=False)
     return 0
 
 
 def perform(request: Request) -> dict[str, Any]:
-    """Look at every frame.
+    """Run vision on every frame.
 
     Raises:
         ConfigError: the request cannot be carried out.
@@ -79,14 +79,16 @@ def perform(request: Request) -> dict[str, Any]:
         request.source, times=request.times, calibration=request.calibration, board=request.board
     )
     if recording.calibration is None:
-        raise ConfigError("the camera is not known", "give --calibration, see endolock calibrate")
+        raise ConfigError("the camera is unknown", "give --calibration, see endolock calibrate")
     clock = PlaybackClock()
     camera = RecordedCamera(recording.calibration, clock, recording.frames)
     eyes = _eyes(request, recording)
     folder = None
     if request.out:
-        told = {"calibration": asdict(recording.calibration), "board": asdict(recording.board)}
-        folder = run_folder.RunFolder(request.out, {"run": {"source": str(request.source)}, **told})
+        known = {"calibration": asdict(recording.calibration), "board": asdict(recording.board)}
+        folder = run_folder.RunFolder(
+            request.out, {"run": {"source": str(request.source)}, **known}
+        )
     run, taken = Run(), []
     refused: Counter[str] = Counter()
     try:

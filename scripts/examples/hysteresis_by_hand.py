@@ -1,4 +1,4 @@
-"""Turn one handle up and down and watch the tip lag behind: the loop without any controller."""
+"""Turn one handle back and forth and print how the tip lags: the loop without a controller."""
 
 from math import degrees, pi, sin
 

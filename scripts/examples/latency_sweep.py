@@ -1,4 +1,4 @@
-"""How much the latency alone costs: one controller, three latencies, no pictures."""
+"""The effect of latency alone: one controller, three latencies, no pictures."""
 
 from endolock import TruthEyes, TwinRig, load_scenario, run, score
 from endolock.control.laws.pi import PI

@@ -1,4 +1,4 @@
-"""A controller of your own: step towards the target, a little with every frame."""
+"""A user-defined controller: a small step towards the target with every frame."""
 
 from endolock import Command, MarkerEyes, Observation, State, Status, TwinRig, run, score
 
@@ -9,11 +9,11 @@ class Steps:
     """Turns the handles in proportion to the error of each new frame."""
 
     def reset(self, state: State) -> None:
-        """Begin where the handles are."""
+        """Start at the present handle angles."""
         self.handles = state.position
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Step towards the target that a new frame shows."""
+        """Step towards the target in a new frame."""
         if observation is not None and observation.status is Status.TRACKING:
             u, v = observation.target_px
             up_down, left_right = self.handles

@@ -1,4 +1,4 @@
-"""Log a run, then read its tables back: handle travel and the largest tension of each wire."""
+"""Run, then read the tables of the run folder: handle travel, largest tension of each wire."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Draws the printed boards as SVG, in mm: the same markers, discs and tissue as in the twin."""
+"""The printed boards as SVG, in mm: the same markers, discs and tissue as in the twin."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from endolock.hw.boards import Patch, PrintedBoard
 from endolock.twin.model import drawing
 
 MODULES = 6
-"""Of a marker's side, black border included."""
+"""Modules along a marker's side, with the black border."""
 MARGIN_MM = 10.0
 RULER_MM = 50.0
 
 
 def sheet(board: PrintedBoard) -> str:
-    """Draw a board as an SVG of true size, with a line to cut along and a ruler below.
+    """Draw a board as an SVG in true size, with a cutting line and a ruler below.
 
     Args:
-        board: what to draw.
+        board: the board to draw.
 
     Returns:
-        The SVG. Its units are mm, and the board's centre is its origin.
+        The SVG. Its unit is mm, and its origin the centre of the board.
     """
     side = board.geometry.size_m * 1e3
     low, width, height = -side / 2 - MARGIN_MM, side + 2 * MARGIN_MM, side + 3 * MARGIN_MM
@@ -44,7 +44,7 @@ print at 100 %; this line is {RULER_MM:g} mm</text>
 
 
 def elements(board: PrintedBoard) -> str:
-    """Draw what is on a board as SVG elements [mm], from its centre, right and down."""
+    """Draw the contents of a board as SVG elements [mm], origin at its centre, x right, y down."""
     geometry = board.geometry
     half = geometry.size_m * 500
     parts = [_rect(-half, -half, 2 * half, 2 * half, drawing.PAPER)]
@@ -67,9 +67,10 @@ def elements(board: PrintedBoard) -> str:
 
 
 def _marker(bits: np.ndarray, x: float, y: float, size: float) -> str:
-    """Draw a marker: a square of ink, and paper in it.
+    """Draw a marker: a square of ink with rectangles of paper on it.
 
-    Every row and every column of paper is one rectangle, so none of them meet in a visible seam.
+    Runs of paper in every row and in every column are drawn as one rectangle, which leaves no
+    visible seam.
     """
     left, top, step = x - size / 2, y - size / 2, size / MODULES
     parts = [_rect(left, top, size, size, drawing.INK)]
@@ -84,13 +85,13 @@ def _marker(bits: np.ndarray, x: float, y: float, size: float) -> str:
 
 
 def _spans(row: np.ndarray) -> list[tuple[int, int]]:
-    """List where in a row there is paper: first module and count."""
+    """Return the runs of paper in a row: first module and count."""
     edges = np.flatnonzero(np.diff(row.astype(int), prepend=0, append=0)).tolist()
     return [(a, b - a) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _tissue(patch: Patch, number: int, texels: Image) -> str:
-    """Cut a patch out of a picture of the board's middle: the same tissue as in the twin."""
+    """Draw a patch of tissue, cut out of the same picture as in the twin."""
     scale = drawing.CENTRE_TEXELS_PER_MM * 1e3
     side = 2 * round(patch.radius * scale)
     left, top = (round((c + drawing.CENTRE_M / 2) * scale - side / 2) for c in (patch.x, patch.y))

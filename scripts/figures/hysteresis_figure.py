@@ -1,4 +1,4 @@
-"""Draws what `endolock hysteresis` measured: the loop, the lost motion, and the maps."""
+"""Figure of `endolock hysteresis`: the loop, the lost motion, and the maps."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def draw(record: Mapping[str, Any], path: Path) -> Path:
     """Draw a record of `endolock hysteresis`.
 
     Args:
-        record: as the command returns it; with "map" and "shaft_map" there is a second row.
-        path: where the PNG goes.
+        record: the record of the command; with "map" and "shaft_map" there is a second row.
+        path: the PNG to write.
     """
     rows = 2 if "map" in record else 1
     picture = figure.Figure(figsize=(11, 4.6 * rows), layout="constrained")
@@ -68,13 +68,17 @@ def _crossing(handle: Vector, bend: Vector, at: float) -> float:
 def _lost(axes: Axes, record: Mapping[str, Any]) -> None:
     _line(axes, record["width"], "full loop, at this bend", color=LOOP, marker="o")
     for side, colour in (("positive", POSITIVE), ("negative", NEGATIVE)):
-        ways = record["strokes"][side]
+        turns = record["strokes"][side]
         _line(
-            axes, ways["back"], f"{side} stroke to this bend: at its turn", color=colour, marker="s"
+            axes,
+            turns["back"],
+            f"{side} stroke to this bend: at its turn",
+            color=colour,
+            marker="s",
         )
         _line(
             axes,
-            ways["out"],
+            turns["out"],
             f"{side} stroke to this bend: at the turn at zero",
             color=colour,
             marker="^",
@@ -96,13 +100,13 @@ def _line(axes: Axes, shares: Mapping[str, float | None], label: str, **style: A
         axes.plot(*zip(*found, strict=True), label=label, **style)
 
 
-def _map(axes: Axes, told: Mapping[str, Any]) -> None:
-    shares = np.array(told["width"], float)
+def _map(axes: Axes, measured: Mapping[str, Any]) -> None:
+    shares = np.array(measured["width"], float)
     image = axes.pcolormesh(
-        told["own_deg"], told["other_deg"], shares, cmap="viridis", shading="nearest"
+        measured["own_deg"], measured["other_deg"], shares, cmap="viridis", shading="nearest"
     )
-    for other, row in zip(told["other_deg"], shares, strict=True):
-        for own, share in zip(told["own_deg"], row, strict=True):
+    for other, row in zip(measured["other_deg"], shares, strict=True):
+        for own, share in zip(measured["own_deg"], row, strict=True):
             if np.isfinite(share):
                 dark = share < np.nanmin(shares) + 0.6 * np.ptp(shares[np.isfinite(shares)])
                 axes.text(
@@ -116,13 +120,13 @@ def _map(axes: Axes, told: Mapping[str, Any]) -> None:
                 )
     axes.figure.colorbar(image, ax=axes, label="width [of 180 deg]")
     axes.set(xlabel="own bend [deg]", ylabel="other axis [deg]", title="width of the full loop")
-    axes.set(xticks=told["own_deg"], yticks=told["other_deg"])
+    axes.set(xticks=measured["own_deg"], yticks=measured["other_deg"])
 
 
-def _shaft(axes: Axes, told: Mapping[str, Any]) -> None:
-    shafts = [str(shaft) for shaft in told["shaft_deg"]]
-    deadbands = [None if value is None else value / pi for value in told["deadband_rad"]]
-    widths = dict(zip(shafts, told["width_at_30"], strict=True))
+def _shaft(axes: Axes, measured: Mapping[str, Any]) -> None:
+    shafts = [str(shaft) for shaft in measured["shaft_deg"]]
+    deadbands = [None if value is None else value / pi for value in measured["deadband_rad"]]
+    widths = dict(zip(shafts, measured["width_at_30"], strict=True))
     _line(axes, widths, "width at 30 deg of bend", color=LOOP, marker="o")
     beside = dict(zip(shafts, deadbands, strict=True))
     _line(axes, beside, "deadband", color=DEADBAND, marker="s", clip_on=False)

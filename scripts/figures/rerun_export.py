@@ -1,8 +1,8 @@
-"""Turns a run folder into run.rrd, a Rerun recording that opens well arranged.
+"""Export of a run folder to run.rrd, a Rerun recording with its layout.
 
-Left the two pictures, with the image centre and what vision found; right the section in 3-D above
-the curves: error, handles, wire tensions. Pictures stand at the time they were delivered, the
-section and the board where they truly were, so the latency can be seen.
+On the left the two pictures, with the image centre and the observation; on the right the section in
+3-D, above the curves of error, handles and wire tensions. Pictures are shown at their delivery
+time, section and board at their true time, which makes the latency visible.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ def derive(folder: Path) -> Path:
         folder: a run folder, complete or cut off.
 
     Raises:
-        ConfigError: it is no run folder, or cannot be written.
+        ConfigError: not a run folder, or it cannot be written.
     """
     ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
     configuration = run_folder.configuration(folder)
     path = folder / "run.rrd"
-    law_shown = any(ticks["signals"].to_pylist())
+    signals_shown = any(ticks["signals"].to_pylist())
     with (
         files.replacing(path, "copy the folder first") as part,
         rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream,
     ):
-        stream.save(part, default_blueprint=_blueprint(law_shown))
+        stream.save(part, default_blueprint=_blueprint(signals_shown))
         _still(stream, configuration)
         centre = configuration["calibration"]["centre_px"]
         _frames(stream, frames, centre)
@@ -59,7 +59,7 @@ def derive(folder: Path) -> Path:
 
 
 def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
-    """What does not change: axes, camera geometry, centre cross, board outline, colours."""
+    """Log what does not change: axes, camera geometry, centre cross, board outline, colours."""
     stream.log("world", rr.ViewCoordinates.RDF, static=True)
     c = configuration["calibration"]
     u, v = c["centre_px"]
@@ -97,7 +97,7 @@ def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
 
 
 def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -> None:
-    """Pictures and detections when they were delivered; section and board when they were so."""
+    """Log pictures and observations at delivery time, section and board at their true time."""
     rows = frames.to_pylist()
     found = [row for row in rows if row["status"] == "tracking"]
     pixels = np.array([row["target_px"] for row in found]).reshape(-1, 2)
@@ -143,7 +143,7 @@ def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
 
 
 def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> None:
-    """Curves at the control rate."""
+    """Log the curves at the control rate."""
     rows = ticks.to_pylist()
     t = [row["t"] for row in rows]
     true = [(row["t"], row["target_px"]) for row in rows if row["target_px"] is not None]
@@ -154,15 +154,17 @@ def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> 
         for key, name in (("target_rad", "goal"), ("position_rad", "measured")):
             angle = np.degrees([row[key][i] for row in rows])
             _scalars(stream, f"handles/{axis}/{name}", t, angle)
-    inside = [(row["t"], dict(row["signals"] or ())) for row in rows]
-    for name in dict.fromkeys(name for _, told in inside for name in told):
-        told = [(time, signals[name]) for time, signals in inside if name in signals]
+    signals = [(row["t"], dict(row["signals"] or ())) for row in rows]
+    for name in dict.fromkeys(name for _, values in signals for name in values):
+        curve = [(time, values[name]) for time, values in signals if name in values]
         stream.log(f"law/{name}", rr.SeriesLines(names=name.replace("_", " ")), static=True)
-        _scalars(stream, f"law/{name}", [time for time, _ in told], np.array([v for _, v in told]))
-    tense = [row for row in rows if row["tension_section_n"] is not None]
+        _scalars(
+            stream, f"law/{name}", [time for time, _ in curve], np.array([v for _, v in curve])
+        )
+    measured = [row for row in rows if row["tension_section_n"] is not None]
     for i, wire in enumerate(WIRES):
-        force = np.array([row["tension_section_n"][i] for row in tense])
-        _scalars(stream, f"wires/{wire}", [row["t"] for row in tense], force)
+        force = np.array([row["tension_section_n"][i] for row in measured])
+        _scalars(stream, f"wires/{wire}", [row["t"] for row in measured], force)
 
 
 def _scalars(
@@ -177,7 +179,7 @@ def _columns(stream: rr.RecordingStream, path: str, times: list[float], columns:
     rr.send_columns(path, indexes=[index], columns=columns, recording=stream)
 
 
-def _blueprint(law_shown: bool) -> rrb.Blueprint:
+def _blueprint(signals_shown: bool) -> rrb.Blueprint:
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin="tip", name="tip camera, as delivered"),
         rrb.Spatial2DView(origin="overview", name="fixed camera"),
@@ -187,8 +189,12 @@ def _blueprint(law_shown: bool) -> rrb.Blueprint:
         rrb.TimeSeriesView(origin="error", name="error [px]"),
         rrb.TimeSeriesView(origin="handles", name="handles [deg]"),
         rrb.TimeSeriesView(origin="wires", name="wire tension at the section [N]"),
-        *([rrb.TimeSeriesView(origin="law", name="inside the law")] if law_shown else []),
-        row_shares=[3, 2, 2, 2, *([2] if law_shown else [])],
+        *(
+            [rrb.TimeSeriesView(origin="law", name="signals of the controller")]
+            if signals_shown
+            else []
+        ),
+        row_shares=[3, 2, 2, 2, *([2] if signals_shown else [])],
     )
     return rrb.Blueprint(
         rrb.Horizontal(pictures, curves, column_shares=[2, 3]),

@@ -1,4 +1,4 @@
-"""A strip of tip camera pictures of one run, as a PNG."""
+"""A strip of pictures of the tip camera from one run, as a PNG."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def pictures(folder: Path) -> list[dict[str, Any]]:
 
 
 def write(folder: Path, path: Path) -> Path:
-    """Draw evenly spaced pictures of a run side by side: image centre, target found, time, error.
+    """Draw pictures of a run side by side, evenly spaced, with centre, target, time and error.
 
     Args:
         folder: the run folder.

@@ -14,46 +14,47 @@ from endolock.hw.api import AXES, Command, ConfigError, Rig, Vector
 from endolock.vision.observation import Status
 
 SPEED_RAD_S = 0.2
-"""Handle speed [rad/s]: half of it changes no width by more than 1 %."""
+"""Handle speed [rad/s]; at half this speed no width differs by more than 1 %."""
 HIGHEST_BEND_RAD = np.radians(115.0)
-"""RecordedStrokes end here, where the loop is open at 90 deg, or at the limit of the handle."""
+"""Bend at which strokes end, so that the loop is open at 90 deg; or at the handle's limit."""
 TURNS_DEG = (90, 60, 30)
 """Bends at which the one-sided strokes turn back."""
 MARGIN_RAD = 0.02
-"""Handles stay this far off their limits [rad]."""
+"""Distance of the handles from their limits [rad]."""
 STOP_ROWS = 5
-"""Poses over whose mean a stroke ends at a bend, against noise; 0.1 s, or 0.6 deg of bend late."""
+"""Poses averaged to detect the end of a stroke, a delay of 0.1 s or 0.6 deg of bend."""
 SETTLE_S = 1.0
 DRIFT_S = 30.0
-"""Wait, and watch a held handle [s]: 0.05 deg of noise at 100 Hz leaves 0.01 deg/min of error."""
+"""Settling time, and duration of the drift measurement [s]: 0.05 deg of noise at 100 Hz gives an
+error of 0.01 deg/min."""
 
 
 @dataclass
 class RecordedStrokes:
-    """What the protocol recorded, per stroke of the axis under test."""
+    """Records of the protocol, per stroke of the axis under test."""
 
     reached_rad: float
     """Handle angle of the crests [rad]."""
     loop: tuple[Branch, Branch]
-    """Falling from crest to trough, rising back."""
+    """The falling branch from crest to trough, and the rising branch back."""
     one_sided: dict[str, dict[int, tuple[Branch, Branch]]] = field(default_factory=dict)
-    """For "positive" and "negative", and each of `TURNS_DEG` that was reached and lies far enough
-    from the bend that is left at handle zero: from there, where the handle had come back to from
-    the same side, out to that bend, and back to zero."""
+    """By "positive" or "negative", and each of `TURNS_DEG` that was reached and is far enough from
+    the bend that remains at handle zero: the branch out to that bend, from handle zero approached
+    on the same side, and the branch back to zero."""
     drift_deg_per_min: float = 0.0
-    """Of the bend at held handles."""
+    """Drift of the bend with the handles held [deg/min]."""
 
 
 class Protocol:
-    """Turns the handles of a rig slowly and watches its tracker.
+    """Turns the handles of a rig slowly and records its tracker.
 
     Args:
-        rig: connected and enabled here; its handles hold when a method of this raises.
+        rig: the rig, connected and enabled here; its handles hold after an exception.
         axis: 0 up_down, 1 left_right.
-        progress: told the time after each tick [s].
+        progress: called with the time after each tick [s].
 
     Raises:
-        ConfigError: the rig has no tracker, or none that sees the tip.
+        ConfigError: the rig has no tracker, or its tracker does not see the tip.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Protocol:
     ) -> None:
         if rig.tracker is None:
             raise ConfigError(
-                "this rig has no pose tracker", "use one that has, such as --rig twin"
+                "this rig has no pose tracker", "use a rig with one, such as --rig twin"
             )
         self._rig, self._tracker, self._axis = rig, rig.tracker, axis
         self._recorder: Recorder | None = None
@@ -78,8 +79,8 @@ class Protocol:
         """Record the loop, the one-sided strokes and the drift.
 
         Args:
-            recorder: keeps every tick, if given.
-            whole: else only the loop.
+            recorder: receives every tick.
+            whole: False to record only the loop.
 
         Raises:
             HardwareError: the handles stopped.
@@ -101,13 +102,13 @@ class Protocol:
             self._rig.actuators.hold()
 
     def bend_other_axis(self, bend_rad: float) -> float:
-        """Turn the other handle until the tracker shows a bend, and hold it there.
+        """Turn the other handle until the tracker shows the bend, and hold it.
 
         Returns:
             The bend reached [rad].
 
         Raises:
-            ConfigError: it does not bend so far, or that is no number.
+            ConfigError: the bend is out of reach, or not a finite number.
             HardwareError: the handles stopped.
         """
         if not isfinite(bend_rad):
@@ -136,7 +137,7 @@ class Protocol:
         return reached
 
     def _until(self, end: float, axis: int, bend_rad: float) -> float:
-        """Turn a handle towards `end` until the tracker shows a bend; return where it is [rad]."""
+        """Turn a handle towards `end` until the tracker shows a bend; return the angle [rad]."""
         self._move(axis, end, stop_at=bend_rad)
         return self._goal[axis]
 
@@ -151,7 +152,7 @@ class Protocol:
         for turn in TURNS_DEG:
             left = abs(float(np.mean(back.bend[-STOP_ROWS:])))
             if np.radians(turn) < left + FOLLOWED_RAD[1]:
-                break  # the bend that is left hides what is lost at either turn
+                break  # the remaining bend hides the lost motion at either turn
             _, handle, bend = self._move(self._axis, peak, stop_at=np.radians(turn))
             back = self._stroke(0.0)
             if abs(back.bend[0]) > np.radians(turn - 1):
@@ -202,7 +203,7 @@ class Protocol:
         if len(rows) < 2:
             raise ConfigError(
                 f"the pose tracker gave {len(rows)} poses in {duration:.1f} s",
-                "see that the tip is in its view, and that its rate is 10 Hz or more",
+                "check that the tip is in its view, and that its rate is 10 Hz or more",
             )
         times, angles, bends = np.array(rows).T
         return times, angles, bends

@@ -1,4 +1,4 @@
-"""Writes what a command found out as JSON, where the command line says."""
+"""The JSON of a command, written to a file or to standard output."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from endolock.hw.api import ConfigError
 
 
 def check_json(target: str | None) -> None:
-    """See that the JSON can be written later.
+    """Check that the JSON can be written later.
 
     Raises:
-        ConfigError: the folder it belongs to does not exist, or it names a folder.
+        ConfigError: its folder does not exist, or it names a folder.
     """
     if target in (None, "-"):
         return
@@ -25,7 +25,7 @@ def check_json(target: str | None) -> None:
 
 
 def write_json(record: Mapping[str, Any], target: str | None) -> None:
-    """Write a record to a file or, for "-", to standard output.
+    """Write a record to a file, or to standard output for "-".
 
     Raises:
         ConfigError: the file cannot be written.

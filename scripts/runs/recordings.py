@@ -1,4 +1,4 @@
-"""Opens what was recorded, a run folder or a video file with time stamps, as a camera."""
+"""Recordings as frames: a run folder, or a video file with time stamps."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from endolock.scripts.runs import run_folder
 
 
 class Recording(NamedTuple):
-    """Frames with what is known of them."""
+    """Frames of a recording, with camera and board."""
 
     frames: Iterator[Frame]
     calibration: Calibration | None
-    """None where the recording tells none."""
+    """None if the recording has none."""
     board: BoardGeometry
 
 
@@ -31,8 +31,8 @@ def open_(
     Args:
         source: run folder, or video file.
         times: the time stamps of a video.
-        calibration: of a video's camera; in place of that of a run folder.
-        board: kind of board; else that of the run, or the standard one.
+        calibration: file of the camera; required for a video, replaces that of a run folder.
+        board: kind of board; default: that of the run, or the standard one.
 
     Raises:
         ConfigError: something is missing or cannot be read.
@@ -44,11 +44,11 @@ def open_(
     given = camera_file.read(calibration) if calibration else None
     if source.is_dir():
         if times:
-            raise ConfigError("a run folder has its own time stamps", "leave --times out")
-        told = run_folder.configuration(source)
+            raise ConfigError("a run folder has its own time stamps", "omit --times")
+        configuration = run_folder.configuration(source)
         if board is None:
-            geometry = _plain(BoardGeometry, told["board"], source)
-        own = _plain(Calibration, told["calibration"], source)
+            geometry = _plain(BoardGeometry, configuration["board"], source)
+        own = _plain(Calibration, configuration["calibration"], source)
         rows = run_folder.read(source, "frames").to_pylist()
         if not any(row["tip_jpeg"] for row in rows):
             raise ConfigError(
@@ -56,7 +56,7 @@ def open_(
             )
         return Recording(_frames(rows), given or own, geometry)
     if times is None:
-        raise ConfigError(f"{source} needs its time stamps", "give a CSV file with --times")
+        raise ConfigError(f"{source} needs time stamps", "give a CSV file with --times")
     return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry)
 
 
@@ -65,7 +65,7 @@ def _plain(kind: Any, values: Any, source: Path) -> Any:
         return TypeAdapter(kind).validate_python(values)
     except ValueError:
         raise ConfigError(
-            f"{source / 'run.toml'} is of another version", "record the run again"
+            f"{source / 'run.toml'} was written by another version", "record the run again"
         ) from None
 
 

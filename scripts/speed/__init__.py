@@ -1,1 +1,1 @@
-"""How fast the parts are."""
+"""Speed measurements of the parts, for `endolock benchmark`."""

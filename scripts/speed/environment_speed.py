@@ -16,11 +16,11 @@ def available() -> bool:
 
 
 def environments() -> dict[str, float]:
-    """Steps a second of one Gymnasium environment, and of as many as there are cores, in processes.
+    """Measure steps per second of one Gymnasium environment, and of one process per core.
 
-    Both see the target without pictures; a step is 20 ms.
+    No pictures are rendered; a step is 20 ms.
     """
-    import gymnasium  # an extra
+    import gymnasium  # optional
 
     from endolock.twin.env import gym_env
 

@@ -1,8 +1,8 @@
-"""How fast the serial link is: part of `endolock benchmark`.
+"""Speed of the serial link.
 
-Two motors, a sync write of both goals and a sync read of both blocks in each cycle, from this
-process to the emulator in another one, over a pty. The bound is the time that the bytes of a cycle
-take on a wire.
+A cycle is a sync write of both goals and a sync read of both blocks, for two motors, from this
+process to the emulator in another process over a pty. The bound is the transmission time of a
+cycle's bytes on a wire.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ FAST_S = 5.0
 """Wall time of the loop at 1 kHz [s]."""
 RUN_S = 10.0
 CONTROL_S = 20.0
-"""Simulated time of the run in lock-step, and wall time of the one by the wall [s]."""
+"""Simulated time of the run in lock-step, and wall time of the run in wall-clock mode [s]."""
 
 
 def measure() -> dict[str, float]:
     """Return the figures by name.
 
-    `cycles_per_s` without pacing; `over_wire` the share of the cycles that a wire of 1 Mbaud could
-    carry; `host_cpu_1khz` the share of a core that 1000 cycles a second cost this process;
-    `crc_us` one checksum of 62 bytes; `lock_step_rtf` and `overrun_fraction_100hz` of whole runs
-    without pictures.
+    `cycles_per_s`: cycles per second without pacing; `over_wire`: cycles with pacing, as a fraction
+    of those that a wire of 1 Mbaud could carry; `host_cpu_1khz`: load of one core in this process
+    at 1000 cycles per second; `crc_us`: one checksum of 62 bytes [us]; `lock_step_rtf` and
+    `overrun_fraction_100hz`: whole runs without pictures.
     """
     wire_s = _wire_s()
     with HilRig("rest", pictures=False, paced=True) as rig:
@@ -56,12 +56,12 @@ def measure() -> dict[str, float]:
 
 
 def _wire_s() -> float:
-    """Time that the bytes of a cycle take on the wire [s]: two requests, two answers."""
+    """Transmission time of a cycle on the wire [s]: two requests, two answers."""
     return BITS * CYCLE_BYTES / BAUD
 
 
 def _cycle_s(rig: HilRig, count: int) -> float:
-    """Mean time of a cycle of the bus [s]."""
+    """Mean time of a bus cycle [s]."""
     goals = (2048, 2048)
     start = time.perf_counter()
     for _ in range(count):
@@ -74,7 +74,7 @@ def _always(_place: int, _block: bytes, _sent_at: float, _came_at: float) -> boo
 
 
 def _cpu_at_1khz(rig: HilRig) -> float:
-    """Share of a core that guard, drive and bus take at 1 kHz."""
+    """Load of one core by guard, drive and bus at 1 kHz [1]."""
     rig.actuators.enable()
     clock = WallClock()
     start, used = time.perf_counter(), time.process_time()
@@ -85,7 +85,7 @@ def _cpu_at_1khz(rig: HilRig) -> float:
 
 
 def _lock_step() -> float:
-    """Simulated seconds a second of `straight` with `pi`, in lock-step."""
+    """Simulated seconds per second of `straight` with `pi`, in lock-step."""
     factors = []
     for _ in range(3):
         with HilRig("straight", pictures=False) as rig:
@@ -97,7 +97,7 @@ def _lock_step() -> float:
 
 
 def _overruns() -> float:
-    """Share of the ticks at 100 Hz that were missed in wall time."""
+    """Fraction of the ticks at 100 Hz that were missed in wall-clock mode [1]."""
     with HilRig("straight", pictures=False, wall=True) as rig:
         law, eyes = registry.make("pi", rig.camera.calibration), TruthEyes(rig.truth)
         run = loop.run(rig, eyes, law, duration_s=CONTROL_S, period_s=0.01)

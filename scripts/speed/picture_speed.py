@@ -20,7 +20,7 @@ from endolock.vision.track_eyes import HALF_PX
 
 
 def render() -> dict[str, Any]:
-    """One tip picture of 640x480 px, against a raw textured quad of that size with read-back."""
+    """Time one tip picture of 640x480 px, and a raw textured quad of that size with read-back."""
     with TwinRig("straight", pictures=False) as rig:
         model, data = rig.plant.model, rig.plant.data
         index = scene.camera_id(model, "tip")
@@ -34,7 +34,7 @@ def render() -> dict[str, Any]:
 
 
 def vision() -> dict[str, Any]:
-    """One observation of the marker board, and one step of the markerless tracker."""
+    """Time one observation of the marker board, and one step of the markerless tracker."""
     frame, eyes = _frame_and_eyes()
     assert frame.image is not None
     grey = grey_of(frame.image)
@@ -54,7 +54,7 @@ def _frame_and_eyes() -> tuple[Frame, MarkerEyes]:
 
 
 def _raw_quad(width: int, height: int) -> Callable[[], object]:
-    """Set up the least that draws a textured picture off-screen and reads it back."""
+    """Return a minimal function that draws a textured picture off-screen and reads it back."""
     context = mujoco.GLContext(width, height)
     context.make_current()
     from OpenGL import GL as gl
@@ -69,13 +69,13 @@ def _raw_quad(width: int, height: int) -> Callable[[], object]:
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
 
     bind()
-    for buffer, kind, place in (
+    for buffer, kind, attachment in (
         (buffers[0], gl.GL_RGBA8, gl.GL_COLOR_ATTACHMENT0),
         (buffers[1], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_ATTACHMENT),
     ):
         gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, buffer)
         gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, kind, width, height)
-        gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, place, gl.GL_RENDERBUFFER, buffer)
+        gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, attachment, gl.GL_RENDERBUFFER, buffer)
     gl.glBindTexture(gl.GL_TEXTURE_2D, texture)
     gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR)
     gl.glTexImage2D(

@@ -23,7 +23,7 @@ RUN_S = 10.0
 
 
 def physics() -> dict[str, Any]:
-    """Simulated seconds a second: bare `mj_step` of the model against the clock of the twin."""
+    """Measure simulated seconds per second of bare `mj_step` and of the twin's clock."""
     bare_s, wrapped_s = _physics(NUMERICS["default"])
     figures = {
         "real_time_factor": SLICE_S / wrapped_s,
@@ -37,7 +37,7 @@ def physics() -> dict[str, Any]:
 
 
 def _physics(numerics: Numerics) -> tuple[float, float]:
-    """Time for `SLICE_S` of the same slow motion [s]: bare steps, and the whole twin."""
+    """Return the wall times of one slow motion of `SLICE_S`, bare steps and whole twin [s]."""
     rig = TwinRig("straight", numerics=numerics, pictures=False)
     plant = rig.plant
     ticks = round(SLICE_S / 0.020)
@@ -61,7 +61,7 @@ def _physics(numerics: Numerics) -> tuple[float, float]:
 
 
 def surrogate() -> dict[str, float]:
-    """Simulated seconds a second of the surrogate: behind its rig API, and in the loop, `pi`."""
+    """Measure simulated seconds per second of the surrogate, driven directly and by `pi`."""
     plays = plays_of(Instrument(), 180.0)
 
     def driven() -> None:

@@ -21,9 +21,9 @@ RUN_S = 10.0
 
 
 def pipeline() -> dict[str, Any]:
-    """Runs of `straight` and, with all its optics, `endoscope`: simulated seconds a second.
+    """Measure simulated seconds per second of `straight`, and of `endoscope` with all its optics.
 
-    The first two write no run folder.
+    The first two runs write no run folder.
     """
     return {
         "pinhole_rtf": _unlogged("straight"),
@@ -34,9 +34,9 @@ def pipeline() -> dict[str, Any]:
 
 
 def log() -> dict[str, float]:
-    """Measure one frame with both pictures on its way into the run folder, and the folder's growth.
+    """Measure the time to write one frame with both pictures, and the growth of the run folder.
 
-    Growth is counted over the frames of a run, without the wait for the first.
+    Growth is averaged over the frames of a run, without the delay of the first frame.
     """
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "run"
@@ -61,7 +61,7 @@ def log() -> dict[str, float]:
 
 
 def _unlogged(scenario: str) -> float:
-    """Pictures, markers and controller without a run folder: the loop alone."""
+    """Run the loop with pictures and markers but without a run folder."""
     factors: list[float] = []
     for _ in range(3):
         with TwinRig(scenario) as rig:

@@ -1,4 +1,4 @@
-"""What one tick of each controller costs, in the loop on the surrogate."""
+"""Time per tick of each controller, in the loop on the surrogate."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from endolock.vision.observation import Observation
 from endolock.vision.truth_eyes import TruthEyes
 
 DURATION_S = 40.0
-"""Long enough for what is identified on the way [s]."""
+"""Simulated time, enough for the identification of the predictive controllers [s]."""
 STROKE_S = 8.6
 """Period of `straight` [s]."""
 
 
 class TimedController:
-    """A controller whose ticks are timed.
+    """Wraps a controller and times its ticks.
 
     Args:
-        controller: the law.
+        controller: the controller.
     """
 
-    def __init__(self, law: Controller) -> None:
-        self._law = law
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
         self.taken: list[float] = []
         """Time of each tick [s]."""
 
     def reset(self, state: State) -> None:
-        """Start afresh."""
-        self._law.reset(state)
+        """Reset the controller."""
+        self._controller.reset(state)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Take in one tick."""
+        """Update the controller."""
         start = time.perf_counter()
-        command = self._law.update(t, state, observation)
+        command = self._controller.update(t, state, observation)
         self.taken.append(time.perf_counter() - start)
         return command
 
@@ -52,7 +52,7 @@ def mean() -> dict[str, float]:
 
 
 def p99() -> dict[str, float]:
-    """Time that 99 of 100 ticks stay below, of each controller [ms]."""
+    """99th percentile of the time per tick of each controller [ms]."""
     return {name: 1e3 * float(np.percentile(taken, 99)) for name, taken in _taken().items()}
 
 
@@ -63,7 +63,9 @@ def _taken() -> dict[str, Vector]:
     for name in sorted(registry.LAWS):
         settings = registry.configure(name, known={"period_s": STROKE_S, "plays": plays})
         with SurrogateRig("straight", transmission=plays) as rig:
-            law = TimedController(registry.make(name, rig.camera.calibration, settings, rig.truth))
-            loop.run(rig, TruthEyes(rig.truth), law, duration_s=DURATION_S)
-        result[name] = np.array(law.taken)
+            timed = TimedController(
+                registry.make(name, rig.camera.calibration, settings, rig.truth)
+            )
+            loop.run(rig, TruthEyes(rig.truth), timed, duration_s=DURATION_S)
+        result[name] = np.array(timed.taken)
     return result

@@ -119,7 +119,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["run", "rest", "--scored-from-s", "25"], "scored_from_s 25 is not before the end at 25"),
         (["run", "rest", "--seed", "-1"], "seed -1; use a whole number, 0 or more"),
         (["run", "rest", "--json", "nowhere/x.json"], "cannot write nowhere/x.json; give --json"),
-        (["view", "nowhere"], "nowhere is no folder; give a run folder"),
+        (["view", "nowhere"], "nowhere is not a folder; give a run folder"),
     ],
 )
 def test_bad_input_gives_one_line_and_leaves_nothing(

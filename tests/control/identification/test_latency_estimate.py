@@ -5,10 +5,10 @@ import pytest
 
 from endolock.control.identification import latency_estimate
 from endolock.hw.api import Vector
-from endolock.scripts.commands.latency import LEAD_S, STROKE_S, wanted
+from endolock.scripts.commands.latency import LEAD_S, STROKE_S, stroke_angle
 
 T = np.arange(0.0, LEAD_S + 8 * STROKE_S + latency_estimate.LONGEST_S, 0.02)
-HANDLE = np.array([wanted(t, 8) for t in T])
+HANDLE = np.array([stroke_angle(t, 8) for t in T])
 
 
 @pytest.mark.parametrize("true", [0.0, 0.1, 0.333, 0.8, 1.2])
@@ -65,9 +65,11 @@ def test_a_handle_that_stands_still_is_refused() -> None:
 
 def test_the_handle_never_turns_back_within_a_stroke() -> None:
     fine = np.arange(LEAD_S, LEAD_S + STROKE_S, 0.001)
-    way = np.array([wanted(t, 8) for t in fine])
+    way = np.array([stroke_angle(t, 8) for t in fine])
     assert (np.diff(way) > 0).all()
-    assert wanted(LEAD_S + 1.5 * STROKE_S, 8) == pytest.approx(-wanted(LEAD_S + STROKE_S / 2, 8))
+    assert stroke_angle(LEAD_S + 1.5 * STROKE_S, 8) == pytest.approx(
+        -stroke_angle(LEAD_S + STROKE_S / 2, 8)
+    )
 
 
 def _measured(

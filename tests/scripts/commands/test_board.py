@@ -165,11 +165,17 @@ def test_a_file_that_is_there_is_replaced(tmp_path: Path) -> None:
         (["--out", "x.svg", "--kind", "round"], "kind 'round' is unknown; use rings, several, tis"),
         (["--play", "rest", "--kind", "round"], "kind 'round' is unknown"),
         (["--play", "strait"], "scenario 'strait' is unknown; use"),
-        (["--out", "x.png"], "cannot write the board to print as x.png; give --out a name in .svg"),
-        (["--play", "rest", "--out", "x.svg"], "the page as x.svg; give --out a name in .html"),
+        (
+            ["--out", "x.png"],
+            "cannot write the board to print as x.png; give --out a name that ends in .svg",
+        ),
+        (
+            ["--play", "rest", "--out", "x.svg"],
+            "the page as x.svg; give --out a name that ends in .html",
+        ),
         (["--out", "nowhere/x.svg"], "cannot write nowhere/x.svg: No such file or directory; use"),
         (["--out", "folder.svg"], "cannot write folder.svg: Is a directory; use another --out"),
-        (["--play", "day.toml"], "duration_s 86400 is longer than the 3600 that a page holds"),
+        (["--play", "day.toml"], "duration_s 86400 is above the maximum of 3600 for a page"),
     ],
 )
 def test_bad_input_gives_one_line_and_leaves_nothing(

@@ -158,7 +158,7 @@ def test_a_tracker_that_sees_nothing_leaves_no_folder(
 
     monkeypatch.setattr(TwinPoseTracker, "latest", blind)
     assert cli.main(["hysteresis", "--out", str(tmp_path / "run")]) == 2
-    assert "the pose tracker gave 0 poses in 1.0 s; see that" in capsys.readouterr().err
+    assert "the pose tracker gave 0 poses in 1.0 s; check that" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 

@@ -87,9 +87,9 @@ def test_a_video_without_stamps_or_calibration_is_refused(
     film, stamps = tmp_path / "film.avi", tmp_path / "times.csv"
     stamps.write_text("t_capture\n0.0\n")
     assert cli.main(["watch", str(film)]) == 2
-    assert "needs its time stamps" in capsys.readouterr().err
+    assert "needs time stamps" in capsys.readouterr().err
     assert cli.main(["watch", str(film), "--times", str(stamps)]) == 2
-    assert "the camera is not known; give --calibration" in capsys.readouterr().err
+    assert "the camera is unknown; give --calibration" in capsys.readouterr().err
 
 
 def test_a_run_calibrates_its_camera(folder: Path, tmp_path: Path) -> None:
