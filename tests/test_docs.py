@@ -99,7 +99,7 @@ def test_the_schema_for_editors_is_made_from_the_code() -> None:
 def test_the_readme_claims_no_more_of_vision_than_was_measured() -> None:
     text = " ".join((ROOT / "README.md").read_text().split())
     promised = re.search(r"target to ([\d.]+) px rms and its depth to ([\d.]+) %", text)
-    worst = re.search(r"no place more than ([\d.]+) px off", text)
+    worst = re.search(r"no position more than ([\d.]+) px off", text)
     assert promised
     assert worst
     page = (ROOT / "docs/vision.md").read_text()

@@ -27,20 +27,20 @@ FEW = ("still", "pi", "pi_hc", "ik_sync", "predictive_bank")
 """Controllers of the larger tables: holding still, and four that move."""
 LATENCIES = (0.06, 0.2, 0.4, 0.8)
 DURATION_S, SCORED_FROM_S = 100.0, 50.0
-HEAD = """# Benchmark of laws
+HEAD = """# Benchmark of the controllers
 
 Written by `./run docs`, within {minutes} minutes on two cores. Rms of the true error in px, at
-f = 262 px, 0.4 s of latency unless stated, 100 s of which the last 50 are scored, seed 0, exact
+f = 262 px and 0.4 s of latency unless stated, 100 s of which the last 50 are scored, seed 0, exact
 projections instead of pictures, on a simulated plant: none of this was measured on an endoscope.
-`still` holds the handles where they begin, and *constant* is the best that a handle which never
-moves could do, known in hindsight: a law that does not beat it has gained nothing by moving the
-handles. `oracle` knows the truth and has no latency: it is a floor, no law. *lost* stands where the
-target was out of sight for more than 1 % of the time; *unstable* where the linear loop is, as with
-the gains of `pi`, which hold for 12 cm and 0.4 s.
+`still` holds the handles at their initial angles, and *constant* is the best result of a constant
+handle angle, known in hindsight: a controller that is not better has gained nothing by moving the
+handles. `oracle` knows the truth and has no latency: it is a lower bound, not a controller. *lost*:
+the target was out of sight for more than 1 % of the time; *unstable*: the linear loop is unstable,
+as with the gains of `pi`, which are valid for 12 cm and 0.4 s.
 
-Below each table of errors stands what they cost: motion of tip and handle from peak to peak, of the
-axis that moved farther. Where the tip moves much less than the path needs, the law is parked, and
-its error is that of a constant handle.
+Each table of errors is followed by its cost: peak-to-peak motion of tip and handle, on the axis
+that moves more. Where the tip moves much less than the path needs, the controller is parked, and
+its error is that of a constant handle angle.
 """
 
 
@@ -113,7 +113,7 @@ def _tables(
     done: Sequence[Done | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
-    """Format one part: errors, and below them the motion of tip and handle.
+    """Format one part: the errors, and below them the motion of tip and handle.
 
     Args:
         title: heading of the part.
@@ -141,9 +141,10 @@ def _tables(
 
 
 CLOSING = """
-The Wiener floor is what no prediction of that random motion can beat at the latency, servo lag and
-0.03 s of hold, with 0.1 px of noise; where the motion is not random there is no such floor. Sizes
-of disturbances: [models/disturbances](../models/disturbances). One row again, margins and figure:
+The Wiener floor is a lower bound for every prediction of that random motion, with the latency,
+servo lag, 0.03 s of hold, and 0.1 px of noise; other motions have no such bound. Sizes of the
+disturbances: [models/disturbances](../models/disturbances). To repeat one row, with margins and a
+figure:
 
     ./run endolock compare --scenarios straight --controllers pi pi_simc --vary width_more \\
         --vision truth --duration-s 100 --scored-from-s 50

@@ -56,17 +56,17 @@ HEADINGS = (
 )
 HEAD = """# Results
 
-Written by `./run docs`; seed 0, 0.4 s of latency, 640x480 px at f = 262 px, start included.
-*rms*, *p95* and *max* are of the true error at every control tick, *seen* is what vision saw, 0.4 s
-old. *tip* and *handle*: their motion from peak to peak, on the axis that moved farther. `pi` and
-`ik` are our reproductions of two of the thesis' laws on the twin; `still` holds the handles where
-they begin, *constant* is the best that a handle which never moves could do, known in hindsight.
-The gains of `pi` hold for 12 cm: at `close` its loop is unstable. Nothing here was measured on an
-endoscope.
+Written by `./run docs`; seed 0, latency 0.4 s, 640x480 px at f = 262 px, start included. *rms*,
+*p95* and *max* refer to the true error at every control tick, *seen* to the error that vision saw,
+0.4 s old. *tip* and *handle* are their peak-to-peak motion, on the axis that moves more. `pi` and
+`ik` are our reproductions of two of the thesis' controllers on the twin; `still` holds the handles
+at their initial angles, *constant* is the best result of a constant handle angle, known in
+hindsight. The gains of `pi` are valid for 12 cm: at `close` its loop is unstable. Nothing here was
+measured on an endoscope.
 """
 WITHOUT_PICTURES = """## Every scenario, without pictures
 
-The same with `--vision truth`: what eyes that make no error would let these laws do.
+The same with `--vision truth`: the result of these controllers with vision free of error.
 """
 
 
