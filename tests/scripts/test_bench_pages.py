@@ -1,4 +1,4 @@
-"""The pages for who has a bench name commands that exist, and the numbers of the code."""
+"""The pages on bench and safety: their commands exist, their numbers are those of the code."""
 
 import re
 from importlib import import_module
@@ -18,7 +18,7 @@ COMMANDS = re.findall(r"\./run endolock (\w+)([^`#\n]*)", BENCH.read_text())
 
 
 def _value(file: str, name: str) -> Any:
-    """A constant of a file, or the default of a field of a class there."""
+    """A constant of a file, or the default of a field of a class in it."""
     value: Any = import_module(f"endolock.{file.replace('/', '.')}")
     for part in name.split("."):
         fields = getattr(value, "model_fields", {})
@@ -30,19 +30,19 @@ def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
     rows = ROW.findall(SAFETY.read_text())
     assert len(rows) == len(re.findall(r"^\| `", SAFETY.read_text(), re.MULTILINE)) - 1  # estop
     for name, value, _, file in rows:
-        told = int(value, 16) if value.startswith("0x") else float(value)
-        assert told == _value(file, name), name
+        stated = int(value, 16) if value.startswith("0x") else float(value)
+        assert stated == _value(file, name), name
 
 
-def test_no_other_number_is_told() -> None:
-    """What stops within which time is one of the constants."""
+def test_no_other_number_is_given() -> None:
+    """Every time and rate on the page is one of the constants."""
     known = {f"{value} {unit}" for _, value, unit, _ in ROW.findall(SAFETY.read_text())}
-    told = set(re.findall(r"[\d.]+ (?:s|rad/s|rad)\b", SAFETY.read_text()))
-    assert len(told) > 4
-    assert told <= known
+    given = set(re.findall(r"[\d.]+ (?:s|rad/s|rad)\b", SAFETY.read_text()))
+    assert len(given) > 4
+    assert given <= known
 
 
-def test_every_kind_that_relaxes_a_motor_is_named() -> None:
+def test_every_fault_that_relaxes_a_motor_is_named() -> None:
     shutdown = _value("hw/dynamixel/registers", "DEFAULT_SHUTDOWN")
     errors = _value("hw/dynamixel/registers", "HARDWARE_ERRORS")
     kinds = {bit: kind for bit, (kind, *_) in errors.items() if bit & shutdown}

@@ -1,4 +1,4 @@
-"""Every example runs as it stands and stays short enough to read at a glance."""
+"""Every example runs as it is, and is short."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "scripts" / "examples").glob("[!_
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs_and_says_something(example: Path, tmp_path: Path) -> None:
+def test_an_example_runs_and_prints_something(example: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-W", "error", str(example)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""The boards as they are printed and shown: of true size, found by the eyes, on the right path."""
+"""Printed and moving boards: true size, detected by vision, on the correct path."""
 
 import base64
 import json
@@ -62,14 +62,14 @@ def test_every_marker_has_the_bits_of_the_dictionary(printed: Path) -> None:
 
 
 def test_the_sheet_is_the_board_of_the_twin(printed: Path) -> None:
-    """Tissue included, which is random: it must be the same piece, not just some."""
+    """Including the random tissue, which must be the same piece."""
     drawn = drawing.picture(boards.all_boards()[printed.stem], boards.SIZE_M, TEXELS_PER_MM)
     apart = np.abs(_raster(printed).astype(int) - drawn).max(axis=2)
-    assert (apart > 8).mean() < 0.002  # rims, drawn with and without smoothing; tissue is 4 %
+    assert (apart > 8).mean() < 0.002  # edges, with and without smoothing; tissue is 4 %
 
 
-def test_the_eyes_find_the_sheet_where_it_is(printed: Path) -> None:
-    """The sheet 120 mm ahead of a pinhole of 240 px, 10 mm right and 4 mm up: 2 px a mm."""
+def test_vision_finds_the_printed_board_at_its_position(printed: Path) -> None:
+    """The sheet 120 mm in front of a pinhole with f = 240 px, 10 mm right, 4 mm up: 2 px per mm."""
     sheet, factor = _raster(printed), TEXELS_PER_MM // 2
     view = np.full((300 * factor, 320 * factor, 3), 90, np.uint8)
     left, top = (160 + 2 * (10 - 50)) * factor, (150 + 2 * (-4 - 50)) * factor
@@ -104,7 +104,7 @@ def test_the_page_follows_the_course(
     assert np.ptp(record["path_mm"], axis=0).max() > 10
 
 
-def test_the_page_holds_the_scenarios_board_and_nothing_from_outside(
+def test_the_page_has_the_scenarios_board_and_no_external_resource(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _no_screen(monkeypatch)
@@ -122,10 +122,10 @@ def test_the_page_holds_the_scenarios_board_and_nothing_from_outside(
         assert _record(path)["path_mm"] == [[0, 0]] * 51
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a screen")
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a screen")
 @pytest.mark.parametrize("screen", [True, False])
-def test_the_page_is_opened_where_there_is_a_screen(screen: bool, tmp_path: Path) -> None:
-    """A browser that only writes down what it is asked to open."""
+def test_the_page_is_opened_if_there_is_a_screen(screen: bool, tmp_path: Path) -> None:
+    """With a browser that only logs what it is asked to open."""
     browser, asked = tmp_path / "browser", tmp_path / "asked"
     browser.write_text(f'#!/bin/sh\necho "$1" >"{asked}"\n')
     browser.chmod(0o755)
@@ -149,7 +149,7 @@ def test_the_page_is_opened_where_there_is_a_screen(screen: bool, tmp_path: Path
         assert not asked.exists()
 
 
-def test_a_file_that_is_there_is_replaced(tmp_path: Path) -> None:
+def test_an_existing_file_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "board.svg"
     path.write_text("old")
     assert cli.main(["board", "--out", str(path)]) == 0
@@ -215,7 +215,7 @@ def _frame(image: Image) -> Frame:
 
 
 def _raster(path: Path) -> Image:
-    """Draw the board of an SVG, in the order of its elements; knows only what is used there."""
+    """Draw the board of an SVG in the order of its elements; supports only the elements used."""
     image = np.zeros((100 * TEXELS_PER_MM, 100 * TEXELS_PER_MM, 3), np.uint8)
     root = ElementTree.parse(path).getroot()
     clips = {f"url(#{clip.get('id')})": clip[0] for clip in root.iter(f"{SVG}clipPath")}
@@ -239,7 +239,7 @@ def _raster(path: Path) -> Image:
 
 
 def _texels(element: ElementTree.Element, *keys: str) -> list[int]:
-    """Attributes as whole texels; places count from the board's corner."""
+    """Attributes as whole texels; positions are relative to the board's corner."""
     values = [float(element.attrib[k]) + (50 if k in ("x", "y") else 0) for k in keys]
     texels = [round(v * TEXELS_PER_MM) for v in values]
     assert values == pytest.approx(np.divide(texels, TEXELS_PER_MM), abs=1e-4)  # whole ones [mm]

@@ -1,4 +1,4 @@
-"""`endolock hysteresis`: what it says of the instruments, what it leaves, what it refuses."""
+"""`endolock hysteresis`: figures of the instruments, files, bad input, interruption."""
 
 import json
 import re
@@ -46,22 +46,22 @@ def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft(folder: Path) 
     assert half["deadband_rad"] == 0.0
     assert half["drift_deg_per_min"] < 0.5  # creep of the soft friction rows
     assert half["max_bend_deg"] > 90
-    # what the thesis saw: the turn far out loses more than the one at the centre
+    # reported by the thesis: more motion is lost at a far turn than at one near the centre
     for side in ("positive", "negative"):
-        ways = half["strokes"][side]
-        assert ways["back"]["90"] > ways["back"]["30"] > ways["out"]["30"]
-        # a whole turn at a bend is the loop's width there; 3 %: carried back from 8 deg on
-        assert ways["back"]["60"] == pytest.approx(half["width"]["60"], rel=0.03)
+        turns = half["strokes"][side]
+        assert turns["back"]["90"] > turns["back"]["30"] > turns["out"]["30"]
+        # a full turn at a bend loses the loop's width there; 3 %: measured from 8 deg on
+        assert turns["back"]["60"] == pytest.approx(half["width"]["60"], rel=0.03)
 
 
 @pytest.mark.parametrize("axis", ["up_down", "left_right"])
 def test_the_other_axis_widens_the_loop(axis: Any) -> None:
     alone, beside = (_loop(axis=axis, other_axis_deg=deg) for deg in (0.0, 60.0))
-    assert beside["other_axis_deg"] == pytest.approx(60, abs=2)  # found by turning slowly
+    assert beside["other_axis_deg"] == pytest.approx(60, abs=2)  # reached by turning slowly
     assert beside["width"]["30"] > 1.15 * alone["width"]["30"]
 
 
-def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
+def test_slack_gives_a_deadband_and_friction_gives_none() -> None:
     slack = instrument_files.load("slack")
     right = pytest.approx(2 * slack.slack_m / slack.pulley_radius_m, rel=0.1)
     assert _loop(instrument="slack")["deadband_rad"] == right
@@ -69,13 +69,13 @@ def test_slack_is_a_deadband_and_hysteresis_is_none() -> None:
     assert _loop(instrument="two_region")["deadband_rad"] == 0.0
 
 
-def test_a_bend_left_at_handle_zero_hides_the_smaller_strokes(
+def test_a_bend_that_remains_at_handle_zero_hides_the_smaller_strokes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # which is not looked at here
+    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # not checked here
     request = Request(shaft_deg=540.0, numerics="fast")
     record = hysteresis.perform(request, show_progress=False)
-    assert record["width"]["30"] > 0.3  # the loop is told all the same
+    assert record["width"]["30"] > 0.3  # the loop is still reported
     for ways in record["strokes"].values():
         assert ways["back"]["30"] is None
         assert ways["out"]["30"] is None
@@ -93,7 +93,9 @@ def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
     assert record == json.loads((folder / "hysteresis.json").read_text())
     ticks = run_folder.read(folder, "ticks").to_pylist()
     assert sum(row["tracked_pose"] is not None for row in ticks) > 0.99 * len(ticks)
-    assert all(row["bend_rad"] is None for row in ticks)  # a log holds nothing a bench has not
+    assert all(
+        row["bend_rad"] is None for row in ticks
+    )  # a log contains only what a bench can measure
     handles = [row["position_rad"][0] for row in ticks]
     assert max(handles) == pytest.approx(record["crest_rad"], abs=0.02)  # servo lag, 2 ticks
     configuration = run_folder.configuration(folder)
@@ -104,8 +106,8 @@ def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
     assert picture.shape[1] > 1000
 
 
-def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """With few points; an other axis that does not bend so far leaves a row without figures."""
+def test_maps_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With few points; a bend that the other axis cannot reach gives a row without figures."""
     monkeypatch.setattr(hysteresis, "MAP_OTHER_DEG", (0, 40, 170))
     monkeypatch.setattr(hysteresis, "MAP_SHAFT_DEG", (0, 180))
     monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # only the loops are looked at here
@@ -114,7 +116,7 @@ def test_maps_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     near, beside, beyond = record["map"]["width"]
     assert all(a < b for a, b in zip(near[:5], beside[:5], strict=True))
     assert set(beyond) == {None}
-    record["shaft_map"]["deadband_rad"][0] = None  # as where a loop could not be taken
+    record["shaft_map"]["deadband_rad"][0] = None  # as if a loop could not be measured
     straight, bent = record["shaft_map"]["width_at_30"]
     assert straight < bent
     from endolock.scripts.figures import hysteresis_figure
@@ -150,7 +152,7 @@ def test_a_rig_without_a_tracker_is_refused() -> None:
         Protocol(rig, 0)
 
 
-def test_a_tracker_that_sees_nothing_leaves_no_folder(
+def test_a_blind_tracker_leaves_no_folder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def blind(_tracker: TwinPoseTracker) -> Pose | None:
@@ -169,7 +171,7 @@ def _bend_and_run(protocol: Protocol) -> None:
 
 @pytest.mark.parametrize("after_s", [2.0, 6.0])
 def test_an_interruption_leaves_the_handles_held(after_s: float) -> None:
-    """While the other axis is bent, and during the strokes."""
+    """While the other axis is being bent, and during the strokes."""
 
     def interrupt(t: float) -> None:
         if t >= after_s:

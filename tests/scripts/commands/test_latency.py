@@ -1,4 +1,4 @@
-"""`endolock latency` on the twin: within 5 ms, and honest where it cannot tell."""
+"""`endolock latency` on the twin: accuracy of 5 ms, bad input."""
 
 import json
 
@@ -13,14 +13,14 @@ def test_the_latency_is_found_within_5_ms(
 ) -> None:
     args = ["latency", "--latency-s", str(latency_s), "--strokes", "4", "--json", "-"]
     assert cli.main(args) == 0
-    told = json.loads(capsys.readouterr().out)
-    # the gate; 4-5 ms of it is the lag of the tip behind the encoder, always late
-    assert 0 <= told["latency_s"] - latency_s <= 0.005
-    assert told["frame_rate_hz"] == pytest.approx(25.0, rel=1e-6)  # without jitter, rounding alone
-    assert told["jitter_s"] < 1e-6
-    low, high = told["ci95_s"]
-    assert low <= told["latency_s"] <= high
-    assert told["vision_ms"] > 0
+    record = json.loads(capsys.readouterr().out)
+    # the requirement; 4-5 ms is the lag of the tip behind the encoder, always positive
+    assert 0 <= record["latency_s"] - latency_s <= 0.005
+    assert record["frame_rate_hz"] == pytest.approx(25.0, rel=1e-6)  # without jitter, only rounding
+    assert record["jitter_s"] < 1e-6
+    low, high = record["ci95_s"]
+    assert low <= record["latency_s"] <= high
+    assert record["vision_ms"] > 0
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A recording through the same camera and eyes: what was seen then is seen again."""
+"""`endolock watch` and `endolock calibrate` on run folders and videos."""
 
 import json
 from pathlib import Path
@@ -19,29 +19,38 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_run_folder_is_seen_again(folder: Path, tmp_path: Path) -> None:
-    told = tmp_path / "seen.json"
+def test_a_run_folder_gives_the_same_observations_again(folder: Path, tmp_path: Path) -> None:
+    written = tmp_path / "seen.json"
     again = tmp_path / "again"
-    args = ["watch", str(folder), "--vision", "markers", "--out", str(again), "--json", str(told)]
+    args = [
+        "watch",
+        str(folder),
+        "--vision",
+        "markers",
+        "--out",
+        str(again),
+        "--json",
+        str(written),
+    ]
     assert cli.main(args) == 0
-    seen = json.loads(told.read_text())
+    seen = json.loads(written.read_text())
     then = run_folder.read(folder, "frames").to_pylist()
     now = run_folder.read(again, "frames").to_pylist()
     assert seen["frames"] == len(then) == len(now)
     assert seen["detected_fraction"] == 1.0
     for old, new in zip(then, now, strict=True):
         assert (old["seq"], old["t_available"]) == (new["seq"], new["t_available"])
-        # the kept pictures are JPEGs of quality 75: a corner moves by 0.1-0.2 px
+        # the recorded pictures are JPEGs of quality 75: a corner moves by 0.1-0.2 px
         assert new["target_px"] == pytest.approx(old["target_px"], abs=0.5)
 
 
-def test_the_tracker_sees_it_too_and_markers_judge(
+def test_the_tracker_works_on_a_recording_and_markers_give_its_error(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(["watch", str(folder), "--vision", "track", "--json", "-"]) == 0
     seen = json.loads(capsys.readouterr().out)
     assert seen["detected_fraction"] == 1.0
-    assert seen["vision_error_px"]["max"] < 0.8  # of both together, on JPEGs
+    assert seen["vision_error_px"]["max"] < 0.8  # of tracker and markers together, on JPEGs
     assert seen["refused"] == {}
 
 
@@ -55,10 +64,10 @@ def test_a_video_file_with_stamps_and_calibration(folder: Path, tmp_path: Path) 
     lines = ["t_capture,t_available", *(f"{r['t_capture']},{r['t_available']}" for r in rows)]
     stamps.write_text("\n".join(lines))
     camera_file.write(camera_file.read(folder / "run.toml"), camera)
-    told = tmp_path / "seen.json"
+    written = tmp_path / "seen.json"
     args = ["watch", str(film), "--times", str(stamps), "--calibration", str(camera)]
-    assert cli.main([*args, "--json", str(told)]) == 0
-    seen = json.loads(told.read_text())
+    assert cli.main([*args, "--json", str(written)]) == 0
+    seen = json.loads(written.read_text())
     assert seen["frames"] == 40
     assert seen["detected_fraction"] == 1.0
 
@@ -96,12 +105,12 @@ def test_a_run_calibrates_its_camera(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "camera.toml"
     assert cli.main(["calibrate", str(folder), "--out", str(out)]) == 0
     found, true = camera_file.read(out), camera_file.read(folder / "run.toml")
-    # a turn with a small board around the middle, as JPEGs
+    # one circle of a small board around the centre, as JPEGs
     assert found.focal_px == pytest.approx(true.focal_px, rel=0.01)
     assert found.rms_px < 0.6
 
 
-def test_a_run_without_pictures_cannot_be_looked_at(
+def test_a_run_without_pictures_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "blind"

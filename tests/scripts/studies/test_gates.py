@@ -1,4 +1,4 @@
-"""The gates of the predictive lock, on the twin; long, so for ./run slow."""
+"""Acceptance tests of the predictive lock on the twin; long, so part of ./run slow."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def record(name: str, place: Path, vision: str = "truth", **changes: Any) -> dic
     ],
 )
 def test_with_pictures_and_markers(name: str, gates: dict[str, float], tmp_path: Path) -> None:
-    told = record(name, tmp_path, "markers")
+    scores = record(name, tmp_path, "markers")
     for what, most in gates.items():
-        assert told["error_px"][what] <= most, what
-    assert told["time_to_lock_s"] <= 15.0  # from a cold start
+        assert scores["error_px"][what] <= most, what
+    assert scores["time_to_lock_s"] <= 15.0  # from a cold start
 
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
@@ -50,7 +50,7 @@ def test_twenty_unknown_plants(name: str, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(ensemble, "SCENARIOS", (name,))
     runs = ensemble.perform(LAW)[name]
     assert max(one.rms for one in runs) <= {"straight": 20, "circle": 25}[name]
-    # At the start a frame or two may miss it; lost is who does not come back.
+    # One or two frames may be lost at the start; more means that the target was not found again.
     assert max(one.lost for one in runs) < 0.01
 
 
@@ -70,15 +70,15 @@ def test_twice_the_latency_is_better_than_a_tuned_pi_without_any(tmp_path: Path)
 
 
 def test_close_by_it_stays_locked(tmp_path: Path) -> None:
-    told = record("close", tmp_path)
-    assert told["error_px"]["rms"] <= 15.0
-    assert told["lost_fraction"] == 0.0
+    scores = record("close", tmp_path)
+    assert scores["error_px"]["rms"] <= 15.0
+    assert scores["lost_fraction"] == 0.0
 
 
 def test_at_rest_it_rests(tmp_path: Path) -> None:
-    told = record("rest", tmp_path, "markers")
-    assert told["error_px"]["rms"] <= 1.0
-    assert told["handle"]["reversals_per_s"] <= 0.5
+    scores = record("rest", tmp_path, "markers")
+    assert scores["error_px"]["rms"] <= 1.0
+    assert scores["handle"]["reversals_per_s"] <= 0.5
 
 
 @pytest.mark.parametrize("name", scenario.names())

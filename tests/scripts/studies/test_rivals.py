@@ -1,4 +1,4 @@
-"""What laws are measured against: holding still, the best constant handle, a tip that follows."""
+"""References for controllers: holding still, the best constant handle angle, a following tip."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from endolock.vision.observation import Observation
 from endolock.vision.truth_eyes import TruthEyes
 
 MAY_STAND = {"still"}
-"""Laws that do not claim to follow."""
+"""Controllers that do not claim to follow."""
 DIRECT = Plays(radii=(0.0,), weights=(1.0,))
 SCORED = {"duration_s": 20.0, "scored_from_s": 5.0}
 
 
 class Held:
-    """Turns the handles to an angle and leaves them there."""
+    """Turns the handles to an angle and holds them there."""
 
     def __init__(self, handles: tuple[float, float]) -> None:
         self._handles = handles
 
     def reset(self, state: State) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Hold."""
@@ -46,7 +46,7 @@ class Held:
 
 
 def held(name: str, handles: tuple[float, float]) -> float:
-    """Rms error of a handle that never moves, without hysteresis and with exact kinematics [px]."""
+    """Rms error of a constant handle angle, without hysteresis and with exact kinematics [px]."""
     rig = SurrogateRig(scenario.load(name, SCORED), transmission=DIRECT)
     with rig:
         rig.clock.sleep_until(0.0)
@@ -58,7 +58,7 @@ def held(name: str, handles: tuple[float, float]) -> float:
 
 
 @pytest.mark.parametrize("name", ["straight", "circle", "random"])
-def test_no_constant_handle_does_better_than_the_best_in_hindsight(name: str) -> None:
+def test_no_constant_handle_is_better_than_the_best_in_hindsight(name: str) -> None:
     best = hindsight(scenario.load(name, SCORED), Instrument(), 0).constant_px
     assert best
     bound = float(best.rms or 0.0)
@@ -78,7 +78,7 @@ def test_a_path_needs_the_bends_that_point_at_it() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_the_path_is_the_one_that_the_twin_shows(seed: int) -> None:
+def test_the_path_is_that_of_the_twin(seed: int) -> None:
     rolled = {
         # The target of this board is off its centre, so that the tilt counts.
         **{"duration_s": 4.0, "scored_from_s": 0.0, "board.kind": "several", "board.target": 1},
@@ -106,7 +106,7 @@ def followers() -> dict[tuple[str, str], batch.Done]:
             scenario=path,
             controller=law,
             vision="truth",
-            duration_s=100.0 if law == "repetitive" else 50.0,  # it learns from period to period
+            duration_s=100.0 if law == "repetitive" else 50.0,  # it learns over the periods
             scored_from_s=80.0 if law == "repetitive" else 25.0,
         )
         for path, law in cases
@@ -116,22 +116,22 @@ def followers() -> dict[tuple[str, str], batch.Done]:
 
 @pytest.mark.parametrize("path", ["straight", "circle"])
 @pytest.mark.parametrize("law", sorted(set(registry.LAWS) - MAY_STAND))
-def test_a_law_that_claims_to_follow_moves_the_tip(
+def test_a_controller_that_claims_to_follow_moves_the_tip(
     path: str, law: str, followers: dict[tuple[str, str], batch.Done]
 ) -> None:
     one = followers[path, law]
     assert one.follows, (one.record.tip, one.record.needed_tip_deg)
 
 
-def test_a_law_that_rings_does_not_follow() -> None:
-    """At 15 mm the gains of `pi` for 12 cm are beyond what the loop bears."""
+def test_a_ringing_controller_does_not_follow() -> None:
+    """At 15 mm the loop is unstable with the gains of `pi` for 12 cm."""
     (one,) = batch.all_of([Experiment(scenario="close", vision="truth")])
     assert one.tip_deg > one.needed_deg  # it moves enough
     assert not one.follows
 
 
-def test_gains_that_stay_inside_the_loop_are_seen_to_be_parked() -> None:
-    """Kp 0.3 and ki 0.25, once calibrated on peaks alone, score like a constant handle."""
+def test_gains_that_park_the_tip_are_detected() -> None:
+    """Kp 0.3 and ki 0.25, calibrated on peaks alone, give the error of a constant handle."""
     (one,) = batch.all_of(
         [
             Experiment(
@@ -148,7 +148,7 @@ def test_gains_that_stay_inside_the_loop_are_seen_to_be_parked() -> None:
     assert one.rms == pytest.approx(one.constant_px, rel=0.05)
 
 
-def test_a_comparison_shows_what_doing_nothing_costs(
+def test_a_comparison_shows_holding_still_and_the_best_constant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "rows.json"
@@ -192,7 +192,7 @@ def test_no_table_is_cut_off(
         assert heading in table.split()
 
 
-def test_what_a_path_needs_is_that_of_the_nominal_task(
+def test_the_needed_motion_is_that_of_the_nominal_task(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     args = ["compare", "--scenarios", "straight", "--controllers", "still", "--vision", "truth"]
@@ -204,13 +204,13 @@ def test_what_a_path_needs_is_that_of_the_nominal_task(
     )
 
 
-def test_where_the_tip_is_pushed_no_handle_keeps_it_still() -> None:
+def test_a_pushed_tip_has_no_best_constant_handle() -> None:
     path = hindsight(scenario.load("push"), Instrument(), 0)
     assert path.constant_px is None
     assert max(path.needed_tip_deg) > 0
 
 
-def test_seeds_can_be_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_are_labelled_with_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     args = ["compare", "--scenarios", "random", "--controllers", "still", "--seeds", "2"]
     args += ["--vision", "truth", "--duration-s", "3", "--out", str(tmp_path / "all")]
     assert cli.main(args) == 0

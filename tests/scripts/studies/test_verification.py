@@ -1,4 +1,4 @@
-"""Every figure of the model card stays within its bounds, and is a figure."""
+"""Every figure of the model card is finite and within its bounds."""
 
 from math import isfinite
 

@@ -42,8 +42,8 @@ def test_what_the_excerpt_does_not_state_is_not_judged(runs: chapter_runs.Runs) 
     assert all((row["ok"] is None) == (row["expected"] is None) for row in rows)
 
 
-def test_three_of_four_calibrated_bounds_hold_and_so_does_the_rate(runs: chapter_runs.Runs) -> None:
-    """No pair of gains holds T1 of both columns: docs/control.md says which was chosen, and why."""
+def test_three_of_four_calibrated_bounds_hold_and_the_rate(runs: chapter_runs.Runs) -> None:
+    """T1 holds for no pair of gains in both columns: docs/control.md explains the choice."""
     rows = {(row["id"], row["column"]): row["ok"] for row in statements.ask(runs)}
     assert rows["T1", "a"]
     assert not rows["T1", "b"]
@@ -54,7 +54,7 @@ def test_three_of_four_calibrated_bounds_hold_and_so_does_the_rate(runs: chapter
 
 @pytest.mark.parametrize("column", ["a", "b"])
 @pytest.mark.parametrize("name", ["straight-pi", "straight-pi_hc", "straight-ik", "free"])
-def test_the_tip_follows_where_statements_are_about_it(
+def test_the_tip_follows_in_the_runs_of_the_statements(
     column: str, name: str, runs: chapter_runs.Runs
 ) -> None:
     moved = runs[column][name].tip_deg(2 * chapter_runs.STROKE_S)
@@ -62,12 +62,12 @@ def test_the_tip_follows_where_statements_are_about_it(
     assert low <= moved <= high
 
 
-def test_held_still_the_tip_stands(runs: chapter_runs.Runs) -> None:
+def test_the_tip_rests_if_the_handles_are_held(runs: chapter_runs.Runs) -> None:
     for column, traces in runs.items():
         assert traces["straight-still"].tip_deg() < 0.01, column
 
 
-def test_the_endoscope_lies_straight_and_its_loop_is_as_wide_as_the_excerpt_says() -> None:
+def test_the_endoscope_lies_straight_with_the_loop_width_of_the_excerpt() -> None:
     task = chapter_runs.experiment("b", "straight", "pi").resolve()
     assert task.scenario.shaft_bend_deg == 0.0
     asked = hysteresis.Request(instrument=chapter_runs.INSTRUMENT, shaft_deg=0.0, noise_deg=0.0)
@@ -77,7 +77,7 @@ def test_the_endoscope_lies_straight_and_its_loop_is_as_wide_as_the_excerpt_says
 
 
 @pytest.mark.slow
-def test_the_gains_in_use_are_those_that_the_calibration_picks() -> None:
+def test_the_gains_in_use_are_those_of_the_calibration() -> None:
     best = controller_calibration.pairs()[0]
     assert (best.kp, best.ki) == (PISettings().kp, PISettings().ki)
     slowest = min(rate for rate, (_, ok) in controller_calibration.rates().items() if ok)
@@ -104,12 +104,12 @@ def test_the_figures_of_chapter_6_are_drawn_with_their_data(
     for picture in pictures:
         image = cv2.imread(str(picture))
         assert image is not None
-        assert np.std(image) > 1  # something is on it
+        assert np.std(image) > 1  # not empty
         rows = picture.with_suffix(".csv").read_text().splitlines()
-        assert len(rows) > 25 * 19  # 25 frames a second, less the wait for the first
+        assert len(rows) > 25 * 19  # 25 frames per second, without the delay of the first
 
 
-def test_compensation_is_half_the_excerpt_s_width(runs: chapter_runs.Runs) -> None:
+def test_compensation_is_half_the_width_of_the_excerpt(runs: chapter_runs.Runs) -> None:
     a, b = (runs[column]["circle-pi_hc"].compensation for column in ("a", "b"))
     assert abs(a).max() == pytest.approx(18.0)  # half of 0.2 of 180 deg
     assert abs(b).max() == pytest.approx(18.0)
