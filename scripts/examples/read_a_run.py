@@ -7,8 +7,8 @@ import numpy as np
 
 from endolock import Experiment, read_run
 
-with tempfile.TemporaryDirectory() as place:
-    out = Path(place) / "run"
+with tempfile.TemporaryDirectory() as temporary:
+    out = Path(temporary) / "run"
     Experiment(scenario="straight", vision="truth", duration_s=4, out=out).run()
     ticks = read_run(out).ticks
 

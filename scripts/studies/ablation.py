@@ -38,7 +38,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
 
 def table() -> str:
     """Run every case and return the table as Markdown."""
-    asked = [
+    experiments = [
         Experiment(
             scenario=scenario,
             controller=law,
@@ -50,7 +50,7 @@ def table() -> str:
         for law, changes in WITHOUT.values()
         for scenario, more in CASES.values()
     ]
-    done = batch.all_of(asked)
+    done = batch.all_of(experiments)
     count = len(CASES)
     rows = [
         [name, *(_cell(one) for one in done[n * count :][:count])] for n, name in enumerate(WITHOUT)

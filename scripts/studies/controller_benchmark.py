@@ -44,7 +44,7 @@ its error is that of a constant handle angle.
 """
 
 
-def request(
+def experiment(
     name: str, law: str, vary: Iterable[str] = (), latency_s: float | None = None
 ) -> Experiment:
     """Describe one run of the benchmark."""
@@ -65,13 +65,13 @@ def page() -> str:
     nominal = [(name, law) for name in SCENARIOS for law in LAWS]
     varied = [(name, law) for name in overrides.names() for law in FEW]
     late = [(n, s, law) for n in ("straight", "circle") for s in LATENCIES for law in FEW]
-    asked = [request(*pair) for pair in nominal]
-    asked += [request("straight", law, (name,)) for name, law in varied]
-    asked += [request(n, law, (), s) for n, s, law in late]
-    done = batch.perform(asked)
+    experiments = [experiment(*pair) for pair in nominal]
+    experiments += [experiment("straight", law, (name,)) for name, law in varied]
+    experiments += [experiment(n, law, (), s) for n, s, law in late]
+    done = batch.perform(experiments)
     sizes = (len(nominal), len(varied), len(late))
     ends = [sum(sizes[:n]) for n in range(len(sizes) + 1)]
-    first, second, third = ((asked[a:b], done[a:b]) for a, b in pairwise(ends))
+    first, second, third = ((experiments[a:b], done[a:b]) for a, b in pairwise(ends))
     text = _tables(
         "Scenarios",
         ["scenario"],
@@ -109,7 +109,7 @@ def _tables(
     heads: list[str],
     laws: Sequence[str],
     cases: Sequence[list[str]],
-    asked: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     done: Sequence[Done | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
@@ -120,14 +120,14 @@ def _tables(
         heads: headings of the first columns.
         laws: names of the controllers, in the order of the runs.
         cases: first cells of each row.
-        asked: the requests, case by case.
+        experiments: the experiments, case by case.
         done: the results, in the same order; None where the run is undefined.
         last: heading and cells of a further column of the table of errors.
     """
     errors, prices = [], []
     for n, first in enumerate(cases):
         part = slice(n * len(laws), (n + 1) * len(laws))
-        tasks, own = asked[part], done[part]
+        tasks, own = experiments[part], done[part]
         more = [last[1][n]] if last else []
         known = next(one for one in own if one)
         errors.append([*first, *map(_error, tasks, own), f"{known.constant_px:.1f}", *more])
@@ -151,19 +151,19 @@ figure:
 """
 
 
-def _error(asked: Experiment, done: Done | None) -> str:
+def _error(experiment: Experiment, done: Done | None) -> str:
     if done is None:
         return "-"
     lost, marks = done.lost, []
     if lost > 0.01:
         marks.append(f"lost {100 * lost:.0f} %")
-    if (margins := _margins(asked)) and margins["gain"] < 1:
+    if (margins := _margins(experiment)) and margins["gain"] < 1:
         marks.append("unstable")
     return f"{done.rms:.1f}" + (f" ({', '.join(marks)})" if marks else "")
 
 
-def _margins(asked: Experiment) -> dict[str, float] | None:
-    task = asked.resolve()
+def _margins(experiment: Experiment) -> dict[str, float] | None:
+    task = experiment.resolve()
     margins: dict[str, float] | None = theory.of(task.scenario, task.settings)["margins"]
     return margins
 

@@ -108,12 +108,12 @@ def pairs() -> list[GainPair]:
 
 def rates() -> dict[float, tuple[str, bool]]:
     """Test T4 in column b for each rate; return the result and whether it holds."""
-    asked = [chapter_runs.experiment("b", "straight", law) for law in ("pi", "pi_hc")]
-    asked += [
+    experiments = [chapter_runs.experiment("b", "straight", law) for law in ("pi", "pi_hc")]
+    experiments += [
         chapter_runs.experiment("b", "straight", "ik", (f"law.rate_per_s={rate}",))
         for rate in RATES_PER_S
     ]
-    pi, hc, *inverse = _traces(asked)
+    pi, hc, *inverse = _traces(experiments)
     found = {}
     for rate, ik in zip(RATES_PER_S, inverse, strict=True):
         runs = {"straight-pi": pi, "straight-pi_hc": hc, "straight-ik": ik}
@@ -125,7 +125,7 @@ def rates() -> dict[float, tuple[str, bool]]:
 def switch_offs() -> dict[float, float]:
     """Return the largest motion of the resting axis' handle for each switch-off speed [deg]."""
     noise = f"camera.truth_noise_px={NOISE_PX}"
-    asked = [
+    experiments = [
         replace(
             chapter_runs.experiment(
                 "b", "straight", "pi_hc", (f"law.switch_off_rad_s={speed}", noise)
@@ -135,7 +135,7 @@ def switch_offs() -> dict[float, float]:
         for speed in SWITCH_OFF_RAD_S
         for seed in SEEDS
     ]
-    moved = np.array([np.ptp(trace.handle[:, 0]) for trace in _traces(asked)])
+    moved = np.array([np.ptp(trace.handle[:, 0]) for trace in _traces(experiments)])
     worst = moved.reshape(len(SWITCH_OFF_RAD_S), len(SEEDS)).max(axis=1).tolist()
     return dict(zip(SWITCH_OFF_RAD_S, worst, strict=True))
 

@@ -103,8 +103,8 @@ def main(_args: list[str]) -> int:
         guide.write_text(text, encoding="utf-8")
     with console.status("running the benchmark of the controllers, some minutes"):
         (ROOT / "docs" / "benchmark.md").write_text(controller_benchmark.page(), encoding="utf-8")
-    with tempfile.TemporaryDirectory() as place:
-        record = hysteresis.perform(hysteresis.Request(map=True, out=Path(place) / "log"))
+    with tempfile.TemporaryDirectory() as temporary:
+        record = hysteresis.perform(hysteresis.Request(map=True, out=Path(temporary) / "log"))
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
 
     with console.status("running the controllers with pictures, some minutes"):
@@ -116,16 +116,16 @@ def results(folder: Path) -> None:
     """Run `COMPARED` on every scenario; write results.md and the strips of pictures."""
     records, fast = [], []
     for name, law in product(PICTURED, COMPARED):
-        with tempfile.TemporaryDirectory() as place:
-            record = _run(name, law, "markers", Path(place) / "run")
+        with tempfile.TemporaryDirectory() as temporary:
+            record = _run(name, law, "markers", Path(temporary) / "run")
             records.append(record)
             if law == "pi" and name in STRIPS:
                 shutil.copy(
                     strip.write(record.folder, record.folder / "s.png"), folder / STRIPS[name]
                 )
     for name, law in product(scenario.names(), COMPARED):
-        with tempfile.TemporaryDirectory() as place:
-            fast.append(_run(name, law, "truth", Path(place) / "run"))
+        with tempfile.TemporaryDirectory() as temporary:
+            fast.append(_run(name, law, "truth", Path(temporary) / "run"))
     text = f"{HEAD}\n{_markdown(records)}\n{WITHOUT_PICTURES}\n{_markdown(fast)}"
     (folder / "results.md").write_text(text, encoding="utf-8")
 
@@ -163,16 +163,16 @@ def identified() -> str:
     """Fit logs of our own instruments; return true and identified parameters as Markdown."""
     rows = []
     for name in ("pretensioned", "slack"):
-        with tempfile.TemporaryDirectory() as place:
-            log = Path(place) / "log"
+        with tempfile.TemporaryDirectory() as temporary:
+            log = Path(temporary) / "log"
             request = hysteresis.Request(instrument=name, noise_deg=0.1, out=log)
             hysteresis.perform(request, show_progress=False)
             record = identify.perform(identify.Request(log=log))
         made = instrument_files.load(name)
         true = figures(cable_of(made, radians(record["shaft_deg"])))
-        for key, told in record["params"].items():
-            known = "" if told["determined"] else "not determined"
-            cells = (f"{true[key]:.4g}", f"{told['value']:.4g}", f"{told['std']:.2g}")
+        for key, found in record["params"].items():
+            known = "" if found["determined"] else "not determined"
+            cells = (f"{true[key]:.4g}", f"{found['value']:.4g}", f"{found['std']:.2g}")
             rows.append([name, f"`{key}`", *cells, known])
         held, play = record["heldout_rms_deg"], record["play_heldout_rms_deg"]
         rows.append([name, f"held out, deg rms (a play: {play:.2f})", "", f"{held:.2f}", "", ""])
@@ -202,8 +202,8 @@ def answered() -> None:
     """Regenerate the tables and figures of docs/control.md."""
     page = ROOT / "docs" / "control.md"
     text = page.read_text(encoding="utf-8")
-    with tempfile.TemporaryDirectory() as place:
-        _, runs = chapter_runs.perform(Path(place) / "runs", "markers")
+    with tempfile.TemporaryDirectory() as temporary:
+        _, runs = chapter_runs.perform(Path(temporary) / "runs", "markers")
     folder = ROOT / "docs" / "thesis"
     folder.mkdir(exist_ok=True)
     for picture in chapter_figures.draw(runs, folder):
@@ -231,8 +231,8 @@ def _between(text: str, name: str, content: str) -> str:
     return f"{before}{start}{content}{END}{rest.split(END, 1)[1]}"
 
 
-def _run(name: str, law: str, eyes: str, place: Path) -> RunRecord:
-    experiment = Experiment(scenario=name, controller=law, vision=eyes, out=place)
+def _run(name: str, controller: str, eyes: str, out: Path) -> RunRecord:
+    experiment = Experiment(scenario=name, controller=controller, vision=eyes, out=out)
     return experiment.run(show_progress=True)
 
 

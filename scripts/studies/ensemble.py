@@ -65,7 +65,7 @@ def plant(seed: int) -> tuple[str, ...]:
 
 def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
     """Run a controller on every plant, 100 s, scored from 50 s; return the runs by scenario."""
-    asked = [
+    experiments = [
         Experiment(
             scenario=name,
             controller=law,
@@ -78,7 +78,7 @@ def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
         for name in SCENARIOS
         for seed in seeds
     ]
-    done = batch.all_of(asked)
+    done = batch.all_of(experiments)
     return {name: done[n * len(seeds) :][: len(seeds)] for n, name in enumerate(SCENARIOS)}
 
 

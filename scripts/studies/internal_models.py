@@ -72,14 +72,14 @@ def _models(log: HandleLog, own: Vector) -> dict[str, Callable[[], Vector]]:
 
 def _log(name: str) -> tuple[HandleLog, Vector, float]:
     """Run the lock; return its log, the bend of the lock's own model, and pixels per bend angle."""
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as temporary:
         experiment = Experiment(
             scenario=name,
             controller=LAW,
             vision="truth",
             vary=("camera.truth_noise_px=0.3",),
             duration_s=DURATION_S,
-            out=Path(place) / "run",
+            out=Path(temporary) / "run",
         )
         folder = experiment.run().folder
         ticks = run_folder.read(folder, "ticks")

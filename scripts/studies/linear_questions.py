@@ -19,7 +19,7 @@ from endolock.hw.api import Command, Vector
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import Answer, request
+from endolock.scripts.studies.questions import Answer, experiment
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument
@@ -42,10 +42,10 @@ def process() -> Answer:
 
     t, error = step_response()
     found, misfit = analysis.identify_step(t, error, STEP_RAD)
-    believed = Process(gain=image_gain(SectionGeometry(), 0.12), dead_s=0.4 + HOLD_S)
+    assumed = Process(gain=image_gain(SectionGeometry(), 0.12), dead_s=0.4 + HOLD_S)
     rows = [
         [name, f"{one.gain:.2f}", f"{1e3 * one.lag_s:.0f} ms", f"{one.dead_s:.3f} s"]
-        for name, one in (("from the step", found), ("assumed by the controllers", believed))
+        for name, one in (("from the step", found), ("assumed by the controllers", assumed))
     ]
     text = markdown_table(["", "error per handle [rad/rad]", "lag", "dead time"], rows)
     text += (
@@ -112,7 +112,7 @@ def limit_cycle() -> Answer:
     assert response is not None
     same = (f"law.kp={kp:.6g}", f"law.ki={ki:.6g}", f"motion=[{NUDGE}]")
     widths = (0.2, 0.25, 0.3, 0.35)
-    done = batch.all_of([request("rest", "pi_hc", f"law.width={w}", *same) for w in widths])
+    done = batch.all_of([experiment("rest", "pi_hc", f"law.width={w}", *same) for w in widths])
     rows = []
     for width, one in zip(widths, done, strict=True):
         found = analysis.ringing(response, loop, _compensated(width))
@@ -139,9 +139,9 @@ def _compensated(width: float) -> Callable[[Vector], Vector]:
     settings = CompensationSettings(form="sign", width=width)
     reach = Instrument().handle_speed_rad_s * PERIOD_S
 
-    def chain(wanted: Vector) -> Vector:
+    def chain(outputs: Vector) -> Vector:
         direction, handle, handles = Direction(), 0.0, []
-        for before, now in pairwise([float(wanted[0]), *wanted.tolist()]):
+        for before, now in pairwise([float(outputs[0]), *outputs.tolist()]):
             goal = now + follow(settings, direction, before, now, PERIOD_S)
             handle = min(max(goal, handle - reach), handle + reach)
             handles.append(handle)

@@ -10,7 +10,7 @@ from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
+from endolock.scripts.studies.questions import NO_FRICTION, Answer, experiment
 
 WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 
@@ -25,11 +25,11 @@ def roughness() -> Answer:
         "ik_sync, stamps 0.1 s wrong": ("ik_sync", 0.4, ("camera.nominal_latency_s=0.3",)),
         "ik_sync, stamps 0.2 s wrong": ("ik_sync", 0.4, ("camera.nominal_latency_s=0.2",)),
     }
-    asked = [
-        request("circle", law, f"camera.latency_s={latency:g}", *more)
+    experiments = [
+        experiment("circle", law, f"camera.latency_s={latency:g}", *more)
         for law, latency, more in cases.values()
     ]
-    done = dict(zip(cases, batch.all_of(asked), strict=True))
+    done = dict(zip(cases, batch.all_of(experiments), strict=True))
     rows = [
         [
             name,
@@ -59,11 +59,11 @@ def circles() -> Answer:
     """Does compensation help on circles, and if not, why?"""
     forms = ("sign", "smooth")
     cases = [(s, form, w) for s in ("straight", "circle") for form in forms for w in WIDTHS]
-    asked = [
-        request(scenario, "pi_hc", f"law.form={form}", f"law.width={width}")
+    experiments = [
+        experiment(scenario, "pi_hc", f"law.form={form}", f"law.width={width}")
         for scenario, form, width in cases
     ]
-    done = dict(zip(cases, batch.all_of(asked), strict=True))
+    done = dict(zip(cases, batch.all_of(experiments), strict=True))
     rows = []
     for scenario in ("straight", "circle"):
         for form in forms:
@@ -94,11 +94,11 @@ def latency() -> Answer:
     laws = ("pi_simc", "ik_sync")
     plants: dict[str, tuple[str, ...]] = {"as it is": (), "without friction": NO_FRICTION}
     cases = [(law, plant, s) for law in laws for plant in plants for s in latencies]
-    asked = [
-        request("straight", law, f"camera.latency_s={s:g}", *plants[plant])
+    experiments = [
+        experiment("straight", law, f"camera.latency_s={s:g}", *plants[plant])
         for law, plant, s in cases
     ]
-    done = dict(zip(cases, batch.all_of(asked), strict=True))
+    done = dict(zip(cases, batch.all_of(experiments), strict=True))
     rows = [
         [law, plant, *(_rms_and_tip(done[law, plant, s]) for s in latencies)]
         for law in laws
@@ -135,12 +135,12 @@ def after_a_push() -> Answer:
     def pushed(law: str, more: tuple[str, ...], force: float, phase: float) -> Any:
         start = 17.2 + phase * 8.6
         push = f"{{start_s={start:g}, over_s=0.5, force_n={force}, direction_deg=0.0}}"
-        return request("straight", law, f"push=[{push}]", *more)
+        return experiment("straight", law, f"push=[{push}]", *more)
 
     cases = [(name, force, phase) for name in laws for force in forces for phase in phases]
-    asked = [pushed(*laws[name], force, phase) for name, force, phase in cases]
-    asked += [request("straight", *(law, *more)) for law, more in laws.values()]
-    done = batch.all_of(asked)
+    experiments = [pushed(*laws[name], force, phase) for name, force, phase in cases]
+    experiments += [experiment("straight", *(law, *more)) for law, more in laws.values()]
+    done = batch.all_of(experiments)
     calm = dict(zip(laws, done[len(cases) :], strict=True))
     jumps: dict[tuple[str, float], list[float]] = {}
     for (name, force, phase), one in zip(cases, done, strict=False):

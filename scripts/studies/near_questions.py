@@ -14,7 +14,7 @@ from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import NO_FRICTION, Answer, request
+from endolock.scripts.studies.questions import NO_FRICTION, Answer, experiment
 
 DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
 
@@ -60,29 +60,29 @@ def integral() -> Answer:
     shares = (0.15, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
     distances = (DISTANCES_M[0], DISTANCES_M[-1])
     best = {d: simc(_process(d)) for d in distances}
-    asked = [
+    experiments = [
         near(d, "pi", "law.kp=0", f"law.ki={share * best[distances[1]][1]:.5g}")
         for d in distances
         for share in shares
     ]
-    done = batch.all_of(asked)
+    done = batch.all_of(experiments)
     gains = [share * best[distances[1]][1] for share in shares]
     runs = {d: done[n * len(shares) :][: len(shares)] for n, d in enumerate(distances)}
     rms = {d: [one.rms for one in runs[d]] for d in distances}
     rows = []
     for d in distances:
         following = [n for n, one in enumerate(runs[d]) if one.follows]
-        told = ["none", "", ""]
+        cells = ["none", "", ""]
         if following:
             least = min(following, key=rms[d].__getitem__)
-            told = [f"{gains[least]:.2f}", f"{rms[d][least]:.0f} px", _tips([runs[d][least]])]
+            cells = [f"{gains[least]:.2f}", f"{rms[d][least]:.0f} px", _tips([runs[d][least]])]
         rows.append(
             [
                 f"{1e3 * d:.0f} mm",
                 f"{_process(d).gain:.2f}",
                 f"{best[d][1]:.2f}",
                 f"{np.pi / 2 / _process(d).dead_s / _process(d).gain:.2f}",
-                *told,
+                *cells,
                 f"{gains[int(np.argmin(rms[d]))]:.2f}, {min(rms[d]):.0f} px",
             ]
         )
@@ -110,12 +110,12 @@ def aiming() -> Answer:
         "IK with time stamps": ("ik_sync", None),
     }
     cases = [(d, name) for d in DISTANCES_M for name in laws]
-    asked = [
+    experiments = [
         near(d, law, f"law.target_distance_m={known or d:g}")
         for d in DISTANCES_M
         for law, known in laws.values()
     ]
-    done = dict(zip(cases, batch.all_of(asked), strict=True))
+    done = dict(zip(cases, batch.all_of(experiments), strict=True))
 
     def cell(d: float, name: str) -> str:
         one = done[d, name]
@@ -142,7 +142,7 @@ def aiming() -> Answer:
 def near(distance_m: float, law: str, *changes: str) -> Experiment:
     """Describe strokes of constant image size: 40 mm at 12 cm."""
     motion = f"{{kind='strokes', travel_m={_travel(distance_m):.5g}, period_s=8.6}}"
-    return request(
+    return experiment(
         "straight", law, f"board.distance_m={distance_m:g}", f"motion=[{motion}]", *changes
     )
 

@@ -29,7 +29,7 @@ class Answer(NamedTuple):
     """Draws the figure into one Matplotlib panel."""
 
 
-def request(scenario: str, controller: str, *changes: str) -> Experiment:
+def experiment(scenario: str, controller: str, *changes: str) -> Experiment:
     """Describe one run."""
     return Experiment(
         scenario=scenario,

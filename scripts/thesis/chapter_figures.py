@@ -106,13 +106,13 @@ def _save(figure: Any, panels: Any, path: Path, also: list[Any] | None = None) -
 
 
 def _csv(
-    path: Path, runs: Mapping[str, Mapping[str, Trace]], wanted: list[tuple[str, str]]
+    path: Path, runs: Mapping[str, Mapping[str, Trace]], chosen: list[tuple[str, str]]
 ) -> None:
     """Write time, offsets, handle angles and compensation of the runs of a figure, per frame."""
     head = "column,law,t_s,x_px,y_px,up_down_deg,left_right_deg,"
     lines = [head + "compensation_up_down_deg,compensation_left_right_deg"]
     for column, traces in runs.items():
-        for scenario, law in wanted:
+        for scenario, law in chosen:
             one = traces[f"{scenario}-{law}"]
             sides = [
                 np.interp(one.t, one.handle_t, values)

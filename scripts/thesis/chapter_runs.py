@@ -206,7 +206,7 @@ def trace(folder: Path) -> Trace:
 def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
     """Format the answered statements for a terminal, those that do not hold first."""
     yield "[bold]The excerpt's statements[/]; a: our simulation, b: our twin; --: not stated"
-    said = {None: "[dim]--[/]", True: "[green]yes[/]", False: "[red]NO[/]"}
+    answers = {None: "[dim]--[/]", True: "[green]yes[/]", False: "[red]NO[/]"}
     names = sorted(
         dict.fromkeys(row["id"] for row in rows),
         key=lambda name: all(row["ok"] is not False for row in rows if row["id"] == name),
@@ -219,7 +219,7 @@ def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
         table.add_column(width=3)
         table.add_column()
         for row in own:
-            table.add_row(row["column"], said[row["ok"]], row["got"])
+            table.add_row(row["column"], answers[row["ok"]], row["got"])
             expected = f"{row['basis']}; expected: {row['expected'] or 'not stated'}"
             table.add_row("", "", f"[dim]{expected}[/]")
         yield table
@@ -232,12 +232,12 @@ def layout(rows: list[dict[str, Any]]) -> Iterator[str | Table]:
 def markdown(rows: list[dict[str, Any]]) -> str:
     """Format the answered statements for docs/control.md, those that do not hold first."""
     head = ["", "", "statement", "expected", "got", "holds", "basis"]
-    said = {None: "not stated", True: "yes", False: "**no**"}
+    answers = {None: "not stated", True: "yes", False: "**no**"}
     ordered = sorted(rows, key=lambda row: (row["ok"] is not False, row["ok"] is None))
     body = [
         [
             *(r["id"], r["column"], r["statement"], r["expected"] or ""),
-            *(r["got"], said[r["ok"]], r["basis"]),
+            *(r["got"], answers[r["ok"]], r["basis"]),
         ]
         for r in ordered
     ]
