@@ -20,8 +20,8 @@ from endolock.control.laws.repetitive import Repetitive, RepetitiveSettings
 from endolock.control.laws.smith import Smith, SmithSettings
 from endolock.control.laws.still import Still, StillSettings
 from endolock.control.loop import Controller
-from endolock.control.predictive.predictive_lock import (
-    Predictive,
+from endolock.control.predictive.predictive_lock import Predictive
+from endolock.control.predictive.predictive_settings import (
     PredictiveSettings,
     SinglePredictiveSettings,
 )

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from endolock.control.identification.cable_parameters import CableParameters
-from endolock.control.transmission.quasi_static import Geometry, simulate, thin
+from endolock.control.transmission.quasi_static import Geometry
+from endolock.control.transmission.simulation import simulate, thin
 from endolock.hw.api import Vector
 
 LONG_STROKE = 0.45

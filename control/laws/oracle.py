@@ -30,7 +30,7 @@ class OracleSettings:
 
     plays: Plays = ONE_PLAY
     """Hysteresis of the instrument; that of the twin in use is given by whoever makes the law."""
-    lead_s: float = linear_process.LAG_S + linear_process.HOLD_S
+    lead_s: float = linear_process.LAG_S + linear_process.COMMAND_DELAY_S
     """Command to motion [s], >= 0: servo and tip, one and a half control periods."""
     correct_s: float = 0.15
     """Time constant with which the model is corrected [s], > 0. Source: measured; a quicker one

@@ -1,15 +1,15 @@
 """Identification of the capstan model while the lock runs: damped least squares, a slice per tick.
 
-What is fitted to is what control/predictive/online_plays.py fits its weights to: where a frame saw
-the target off the axis, d_k, plus the bend b of the model then must be a smooth course of the
-target,
+The criterion is that of control/predictive/online_plays.py: the target's offset from the axis in a
+frame, d_k, plus the model's bend b at the exposure must be a smooth path of the target,
 
     min |(1 - Q Q')(b(t_k + shift; p) + R(alpha) d_k)|^2 / s^2 + |(p - p0) / width|^2,
 
-p being friction along the conduit and in the section, stiffness and slack of both axes' cables
-(control/transmission/quasi_static.py), the shift of the video and its turn alpha about the optical
-axis. One model of the window takes some ten milliseconds, so it is followed a few samples per tick;
-a step needs one for each parameter, and one more to see whether it was a step down.
+where p are the capstan exponent of the conduit, friction of the section, stiffness and slack of
+the cables (control/transmission/quasi_static.py), the delay of the video and its rotation alpha
+about the optical axis. Simulating the window once takes some ten milliseconds, so only a few
+samples are simulated per tick. A step needs one simulation per cable parameter, and one more to
+check that the residual falls.
 
 Reference:
     J. J. More, The Levenberg-Marquardt algorithm: implementation and theory, 1978.
@@ -17,39 +17,20 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos, exp, log, sin
-from typing import NamedTuple
+from math import cos, log, sin
 
 import numpy as np
 
+from endolock.control.predictive.capstan_rollout import CapstanParameters, CapstanRollout
 from endolock.control.predictive.online_plays import splines
 from endolock.control.transmission.kinematics import Pair
-from endolock.control.transmission.quasi_static import Axis, BothAxes, Cable, Geometry, thin
+from endolock.control.transmission.simulation import thin
 from endolock.hw.api import Vector
 
-
-class CapstanParameters(NamedTuple):
-    """What is searched for, the same cable on both axes."""
-
-    conduit_exponent: float
-    """Capstan exponent mu Theta of the conduit [1]."""
-    section_friction: float
-    """mu_b [1]."""
-    log_stiffness: float
-    """Logarithm of k/K, k/K in 1/m2."""
-    slack_m: float
-    """Free length of each wire [m]; negative is pretension."""
-    video_turn_rad: float
-    """alpha, turn of the video about the optical axis against the bends [rad]."""
-    shift_s: float
-    """Time by which exposures are later than believed [s]."""
-
-
 CABLE = 4
-"""Number of unknowns that describe the cable, the first ones; the others need no model of their
-own."""
+"""Number of parameters that describe the cable, the first ones; the others need no simulation of
+their own."""
 START = CapstanParameters(
     conduit_exponent=0.5,
     section_friction=0.15,
@@ -58,7 +39,7 @@ START = CapstanParameters(
     video_turn_rad=0.0,
     shift_s=0.0,
 )
-"""p0, where the search begins. Assumed: a common endoscope."""
+"""p0, the starting point. Assumed: a common endoscope."""
 WIDTH = CapstanParameters(
     conduit_exponent=0.3,
     section_friction=0.1,
@@ -95,105 +76,62 @@ DELTA = CapstanParameters(
 )
 """Steps for the derivatives."""
 ERROR_RAD = 0.02
-"""s, what the model may be off [rad]: five pixels, though it is off by one, because neighbouring
-frames err alike. Source: tuned on the default instrument."""
-SHEATH = 0.01
-"""Dry friction of the sheath over K [rad]: hardly ever told by a log (docs/identify.md)."""
-STEP_RAD, MOST = 0.02, 350
-"""The handles' course is followed in steps of that travel, or in so many."""
+"""s, assumed error of the model [rad]: five pixels, although it is about one, because the errors of
+neighbouring frames are correlated. Source: tuned on the default instrument."""
+STEP_RAD, MAX_STEPS = 0.02, 350
+"""Handle travel between simulated samples [rad], longer if there would be more than this number."""
 SAMPLES = 8
-"""Followed in one tick: half a millisecond."""
+"""Samples simulated per tick: half a millisecond."""
 LARGE_RAD = 10.0
-"""A misfit before there is one [rad]."""
+"""Initial value of the misfit [rad]."""
 GROW, SHRINK = 8.0, 0.3
-"""Factors on the damping after a step up and a step down."""
-
-
-@dataclass
-class Track:
-    """A model on its way along a course of handle angles."""
-
-    values: CapstanParameters
-    """Its parameters."""
-    states: tuple[list[float], list[float]]
-    """Of the two axes; empty at rest."""
-    bends: list[tuple[float, float]] = field(default_factory=list)
-    """After each sample so far [rad]."""
-
-    def follow(self, course: Sequence[Pair], most: int) -> int:
-        """Go on by at most so many samples of a course; return how many they were."""
-        ahead = course[len(self.bends) : len(self.bends) + most]
-        self.go_on(ahead)
-        return len(ahead)
-
-    def go_on(self, course: Sequence[Pair]) -> None:
-        """Turn the handles on."""
-        if not course:
-            return
-        one, other = made(self.values, self.states)
-        both = BothAxes(one, other)
-        self.bends += [both.follow(handles) for handles in course]
-        self.states = one.state, other.state
+"""Factors on the damping after a step that raises and one that lowers the cost."""
 
 
 @dataclass
 class Window:
-    """What a step is made from."""
+    """Data of one step."""
 
     ticks: list[float]
-    """Times [s]."""
+    """Times of the ticks [s]."""
     path: list[float]
-    """Travel of the handles up to then, always growing [rad]."""
+    """Cumulative travel of both handles at the ticks, strictly rising [rad]."""
     kept: list[int]
-    """Which of them are followed."""
+    """Indices of the ticks that are simulated."""
     course: list[Pair]
-    """Handle angles at those [rad]."""
+    """Handle angles at these ticks [rad]."""
     frames: list[tuple[float, float, float]]
-    """Exposures as believed [s], and how far the target was off then [rad]."""
+    """Believed exposure times [s] and offsets of the target from the axis [rad]."""
     states: tuple[list[float], list[float]]
-    """Of the axes before the first tick; empty at rest."""
-    tracks: list[Track] = field(default_factory=list)
-    """Of the best values, of each changed a little, and of the step."""
+    """States of the axes before the first tick; empty at rest."""
+    rollouts: list[CapstanRollout] = field(default_factory=list)
+    """Simulations with the best parameters, with each of them changed, and with the step."""
 
-    def bends(self, track: Track, times: Vector) -> Vector:
-        """Bends of a model at any times, n x 2 [rad]."""
-        way = np.interp(times, self.ticks, self.path)
+    def bends(self, rollout: CapstanRollout, times: Vector) -> Vector:
+        """Bends of a simulation at any times, n x 2 [rad]."""
+        travel = np.interp(times, self.ticks, self.path)
         at = [self.path[n] for n in self.kept]
         return np.column_stack(
-            [np.interp(way, at, column) for column in zip(*track.bends, strict=True)]
+            [np.interp(travel, at, column) for column in zip(*rollout.bends, strict=True)]
         )
 
 
 @dataclass
 class Search:
-    """Where the search stands."""
+    """State of the search."""
 
-    values: CapstanParameters = START
-    """The best so far."""
+    parameters: CapstanParameters = START
+    """Best parameters so far."""
     spread: CapstanParameters = WIDTH
-    """Their standard deviations."""
+    """Standard deviations of the parameters."""
     damping: float = 1.0
+    """Levenberg-Marquardt damping [1]."""
     misfit_rad: float = LARGE_RAD
-    """What they leave, rms [rad]."""
+    """Residual of the best parameters, rms of both axes together [rad]."""
     steps: int = 0
-    """Steps down so far."""
+    """Number of steps that lowered the cost."""
     window: Window | None = None
-
-
-def made(values: CapstanParameters, states: tuple[list[float], list[float]]) -> tuple[Axis, Axis]:
-    """Make both axes, going on from states, or from rest where those are empty."""
-    cable = Cable(
-        conduit_exponent=values.conduit_exponent,
-        section_friction=values.section_friction,
-        stiffness=exp(values.log_stiffness),
-        slack_m=values.slack_m,
-        sheath=SHEATH,
-    )
-    axes = Axis(cable, Geometry()), Axis(cable, Geometry())
-    for axis, state in zip(axes, states, strict=True):
-        if state:
-            axis.state = state
-    return axes
+    """Data of the step in progress; None between steps."""
 
 
 def begin(
@@ -206,88 +144,91 @@ def begin(
     """Set up a step.
 
     Args:
-        search: goes on from its best values.
-        times: of the ticks in the window, m [s].
-        handles: angles then, m x 2 [rad].
-        frames: exposures as believed [s] and offsets of the target [rad].
-        states: of the axes before the first tick; empty at rest.
+        search: continues from its best parameters.
+        times: times of the ticks in the window, m [s].
+        handles: handle angles at the ticks, m x 2 [rad].
+        frames: believed exposure times [s] and offsets of the target [rad].
+        states: states of the axes before the first tick; empty at rest.
     """
     travel = np.abs(np.diff(handles, axis=0, prepend=handles[:1])).sum(axis=1)
     path = np.cumsum(travel + 1e-9)
-    step = max(STEP_RAD, float(path[-1]) / MOST)
+    step = max(STEP_RAD, float(path[-1]) / MAX_STEPS)
     kept = sorted({*thin(handles[:, 0], step), *thin(handles[:, 1], step), len(times) - 1})
-    course = [(float(a), float(b)) for a, b in handles[kept]]
+    course = [(float(up), float(right)) for up, right in handles[kept]]
     window = Window(times.tolist(), path.tolist(), kept, course, frames, states)
-    for values in (search.values, *_neighbours(search.values)[:CABLE]):
-        window.tracks.append(Track(values, states))
+    for parameters in (search.parameters, *_neighbours(search.parameters)[:CABLE]):
+        window.rollouts.append(CapstanRollout(parameters, states))
     search.window = window
 
 
-def work(search: Search) -> Track | None:
-    """Follow the window by a slice; return a better model once there is one, at its end."""
+def work(search: Search) -> CapstanRollout | None:
+    """Simulate one slice of the window; return the simulation of a better model, once found."""
     window = search.window
     assert window is not None
-    for track in window.tracks:
-        if track.follow(window.course, SAMPLES):
+    for rollout in window.rollouts:
+        if rollout.advance(window.course, SAMPLES):
             return None
     basis, _ = np.linalg.qr(splines(np.array([frame[0] for frame in window.frames])))
-    rest = _residual(search.values, window, window.tracks[0], basis)
-    if len(window.tracks) == CABLE + 1:
-        window.tracks.append(Track(_step(search, window, rest, basis), window.states))
+    residual = _residual(search.parameters, window, window.rollouts[0], basis)
+    if len(window.rollouts) == CABLE + 1:
+        stepped = _step(search, window, residual, basis)
+        window.rollouts.append(CapstanRollout(stepped, window.states))
         return None
-    track = window.tracks[-1]
-    left = _residual(track.values, window, track, basis)
-    better = _cost(track.values, left) < _cost(search.values, rest)
+    rollout = window.rollouts[-1]
+    new_residual = _residual(rollout.parameters, window, rollout, basis)
+    better = _cost(rollout.parameters, new_residual) < _cost(search.parameters, residual)
     search.window = None
     search.damping *= SHRINK if better else GROW
-    search.misfit_rad = _rms(left if better else rest)
+    search.misfit_rad = _misfit_rad(new_residual if better else residual)
     if not better:
         return None
-    search.values = track.values
+    search.parameters = rollout.parameters
     search.steps += 1
-    return track
+    return rollout
 
 
-def _neighbours(values: CapstanParameters) -> list[CapstanParameters]:
-    """The same values with one of them changed, each in turn."""
+def _neighbours(parameters: CapstanParameters) -> list[CapstanParameters]:
+    """The same parameters with one of them changed, each in turn."""
     return [
-        CapstanParameters(*(v + (DELTA[k] if k == n else 0.0) for k, v in enumerate(values)))
-        for n in range(len(values))
+        CapstanParameters(*(v + (DELTA[k] if k == n else 0.0) for k, v in enumerate(parameters)))
+        for n in range(len(parameters))
     ]
 
 
-def _residual(values: CapstanParameters, window: Window, track: Track, basis: Vector) -> Vector:
-    """What is not smooth in the target's course as a model has it, 2 n [rad]."""
+def _residual(
+    parameters: CapstanParameters, window: Window, rollout: CapstanRollout, basis: Vector
+) -> Vector:
+    """Part of the target's path by a model that is not smooth, 2 n [rad]."""
     t, *off = np.array(window.frames).T
-    bends = window.bends(track, t + values.shift_s)
-    c, s = cos(values.video_turn_rad), sin(values.video_turn_rad)
+    bends = window.bends(rollout, t + parameters.shift_s)
+    c, s = cos(parameters.video_turn_rad), sin(parameters.video_turn_rad)
     course = bends + np.column_stack([c * off[0] - s * off[1], s * off[0] + c * off[1]])
-    rest: Vector = (course - basis @ (basis.T @ course)).ravel()
-    return rest
+    residual: Vector = (course - basis @ (basis.T @ course)).ravel()
+    return residual
 
 
-def _step(search: Search, window: Window, rest: Vector, basis: Vector) -> CapstanParameters:
-    """Take a damped step from the derivatives."""
-    values, width = np.array(search.values), np.array(WIDTH)
+def _step(search: Search, window: Window, residual: Vector, basis: Vector) -> CapstanParameters:
+    """Return the parameters after a damped step, and renew their standard deviations."""
+    values, width = np.array(search.parameters), np.array(WIDTH)
     columns = []
-    for n, changed in enumerate(_neighbours(search.values)):
-        track = window.tracks[1 + n if n < CABLE else 0]
-        columns.append((_residual(changed, window, track, basis) - rest) / DELTA[n])
-    # in units of the widths, so that one damping fits all
+    for n, changed in enumerate(_neighbours(search.parameters)):
+        rollout = window.rollouts[1 + n if n < CABLE else 0]
+        columns.append((_residual(changed, window, rollout, basis) - residual) / DELTA[n])
+    # in units of the standard deviations, so that one damping suits all parameters
     jacobian = np.column_stack(columns) * width / ERROR_RAD
     hessian = jacobian.T @ jacobian + np.eye(len(values))
-    gradient = jacobian.T @ (rest / ERROR_RAD) + (values - np.array(START)) / width
+    gradient = jacobian.T @ (residual / ERROR_RAD) + (values - np.array(START)) / width
     damped = hessian + search.damping * np.diag(np.diag(hessian))
     search.spread = CapstanParameters(*(width * np.sqrt(np.diag(np.linalg.inv(hessian)))).tolist())
     moved = values - width * np.linalg.solve(damped, gradient)
     return CapstanParameters(*np.clip(moved, LOW, HIGH).tolist())
 
 
-def _cost(values: CapstanParameters, rest: Vector) -> float:
-    away = (np.array(values) - np.array(START)) / np.array(WIDTH)
-    return float((rest**2).sum() / ERROR_RAD**2 + (away**2).sum())
+def _cost(parameters: CapstanParameters, residual: Vector) -> float:
+    away = (np.array(parameters) - np.array(START)) / np.array(WIDTH)
+    return float((residual**2).sum() / ERROR_RAD**2 + (away**2).sum())
 
 
-def _rms(rest: Vector) -> float:
-    """Of both axes together [rad]."""
-    return float(np.sqrt(2 * np.mean(rest**2)))
+def _misfit_rad(residual: Vector) -> float:
+    """Root of the mean square of both axes together [rad]."""
+    return float(np.sqrt(2 * np.mean(residual**2)))

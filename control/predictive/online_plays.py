@@ -1,7 +1,7 @@
-"""Identification of hysteresis while the lock runs: windowed least squares, the target a nuisance.
+"""Identification of hysteresis while the lock runs: windowed least squares, target as nuisance.
 
-A frame tells by how much the target lay off the axis at its exposure t_k: d_k, in bend angles. With
-plays p_i behind the measured handle and their weights w_i, the target's own place was
+A frame shows the target's offset from the axis at its exposure t_k: d_k, in bend angles. With plays
+p_i of the measured handle angle and their weights w_i, the target was at
 
     a_k = sum_i w_i p_i(t_k) + d_k.
 
@@ -9,9 +9,9 @@ The target moves smoothly, a = B c with cubic splines B; what is not smooth must
 
     min |(1 - Q Q')(P w + d)|^2 + n ridge |w - w0|^2 + n slope_ridge (sum w - sum w0)^2,   w >= 0,
 
-with Q an orthonormal basis of B. Where the handle moves smoothly too, the sum of the weights cannot
-be told from the target's motion; so it is held near the prior. The video's latency is found by
-evaluating P somewhat earlier and later.
+with Q an orthonormal basis of B. If the handle moves smoothly too, the sum of the weights cannot be
+separated from the target's motion, so it is held near the prior. The video's latency is found by
+evaluating P slightly earlier and later.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ import numpy as np
 from endolock.hw.api import Vector
 
 KNOT_S = 0.8
-"""Distance of the spline's knots [s]: the target is taken to be no quicker. Assumed."""
+"""Spacing of the spline's knots [s]: faster motion of the target counts as hysteresis.
+Assumed."""
 RIDGE, SLOPE_RIDGE = 2e-5, 1e-3
 """Weights of the prior. Source: tuned on the default instrument."""
 WINDOW_S = 25.0
-"""So much of the past is used [s]."""
+"""Length of the window [s]."""
 EXCITED_RAD = 0.15
-"""A handle that moved by less within the window tells nothing [rad]: its prior stays."""
+"""Motion within the window below which an axis is not identified [rad]."""
 SHIFTS_S = (-0.04, -0.02, 0.0, 0.02, 0.04)
-"""Changes of the latency that are tried at once [s]."""
+"""Changes of the shift that are tried each time [s]."""
 
 
-class Found(NamedTuple):
-    """What a window tells of both axes."""
+class IdentifiedPlays(NamedTuple):
+    """Weights of both axes and latency, identified from one window."""
 
     shift_s: float
-    """Latency more than believed is minus this [s]."""
+    """Delay of the exposures relative to their believed times [s]; the latency is less by it."""
     shift_std_s: float
-    """[s]"""
+    """Standard deviation of the shift [s]."""
     weights: tuple[Vector | None, Vector | None]
-    """Of each axis; None where the handle did not move."""
+    """Weights of each axis [rad/rad]; None where the handle did not move."""
     width_std: tuple[float, float]
     """Standard deviation of the mean width, sum w 2r / sum w [rad]."""
     misfit_rad: float
-    """What is left, rms of both axes together [rad]."""
+    """Residual, rms of both axes together [rad]."""
 
 
 def prepare() -> None:
-    """Load what `identify` needs: half a second, which no tick may take."""
+    """Load the modules that `identify` needs, which takes half a second, too long for a tick."""
     import scipy.optimize  # noqa: F401
 
 
@@ -62,30 +63,30 @@ def identify(
     prior: Vector,
     radii: Vector,
     shift: float,
-) -> Found | None:
-    """Find weights and latency.
+) -> IdentifiedPlays | None:
+    """Identify weights and latency.
 
     Args:
-        t: exposures of the frames, as believed, n [s].
-        seen: offsets of the target then, n x 2 [rad].
-        times: of the ticks, m [s].
-        plays: places of the plays then, m x 2 x k [rad].
-        prior: weights that are believed without evidence, k.
+        t: believed exposure times of the frames, n [s].
+        seen: offsets of the target in them, n x 2 [rad].
+        times: times of the ticks, m [s].
+        plays: outputs of the plays at the ticks, m x 2 x k [rad].
+        prior: prior weights, k [rad/rad].
         radii: half-widths of the plays, k [rad].
-        shift: of the exposures, as believed so far [s].
+        shift: present shift of the exposures [s].
 
     Returns:
-        What was found; None where neither handle moved.
+        The result; None if neither handle moved.
     """
     basis, _ = np.linalg.qr(splines(t))
     tried = []
     for change in SHIFTS_S:
-        moment = t + shift + change
+        exposed = t + shift + change
         total = 0.0
         weights: list[Vector | None] = []
         spread: list[float] = []
         for axis in range(2):
-            columns = np.column_stack([np.interp(moment, times, p) for p in plays[:, axis].T])
+            columns = np.column_stack([np.interp(exposed, times, p) for p in plays[:, axis].T])
             if np.ptp(columns[:, 0]) < EXCITED_RAD:
                 weights.append(None)
                 spread.append(0.0)
@@ -105,13 +106,13 @@ def identify(
     step = SHIFTS_S[1] - SHIFTS_S[0]
     bend = (tried[middle - 1][0] - 2 * tried[middle][0] + tried[middle + 1][0]) / step**2
     shift_std = float(np.sqrt(2 * left / (len(t) * bend))) if bend > 0 else step
-    return Found(found, shift_std, weights_of, width_std, float(np.sqrt(left)))
+    return IdentifiedPlays(found, shift_std, weights_of, width_std, float(np.sqrt(left)))
 
 
 def _fit(
     columns: Vector, seen: Vector, basis: Vector, prior: Vector
 ) -> tuple[Vector, float, Vector]:
-    """Weights of one axis, mean squared misfit [rad2], and the weights' covariance."""
+    """Weights of one axis, mean squared residual [rad2], and covariance of the weights."""
     from scipy.optimize import nnls  # see prepare
 
     count, k = columns.shape
@@ -126,7 +127,7 @@ def _fit(
 
 
 def splines(t: Vector) -> Vector:
-    """Cubic B-splines with even knots, at times from the first to the last, n x m."""
+    """Values of cubic B-splines with even knots over the range of the times, n x m."""
     first = float(t[0])
     count = int(np.ceil((float(t[-1]) - first) / KNOT_S)) + 3
     u = np.abs((t[:, None] - first) / KNOT_S - np.arange(count)[None] + 1.0)

@@ -1,15 +1,16 @@
-"""The predictive lock: when was it seen, where was the tip then, where will the target be.
+"""Predictive lock: reconstructs past target positions, predicts the next one, and aims at it.
 
-1. A model of the transmission runs forward on the measured handles.
-2. A frame tells by how much the target lay off the axis at its exposure; added to the bend that the
-   model had then, this is where the target was, in bend angles, whatever the latency.
-3. Predictors carry it over the latency and the lag of servo and tip.
-4. The model's inverse, behind a small reference play, turns the wanted bend into a handle angle.
-5. The model begins with almost no hysteresis. It is identified all the time, the latency with it,
-   and the target's past is told again with what was found.
-6. Where the handles turn back too often, the law becomes cautious: it turns back only for more.
+1. A model of the transmission runs on the measured handle angles.
+2. A frame shows the target's offset from the axis at its exposure. Added to the model's bend at
+   that time it gives the target's position, in bend angles, for any latency.
+3. Predictors extrapolate it over the latency and the lag of servo and tip.
+4. The model's inverse, after a small reference play, converts the desired bend to handle angles.
+5. The model starts with almost no hysteresis. It is identified continuously, together with the
+   latency; the target's past is recomputed with each result.
+6. If the handles reverse too often, the controller becomes cautious: it reverses only for larger
+   changes.
 
-It needs neither a known latency nor a known width, nothing but what a bench knows.
+It needs neither the latency nor the width of the hysteresis, only what is known on a bench.
 
 Reference:
     The parts: control/predictive/internal_model.py and control/predictive/target_prediction.py.
@@ -24,122 +25,67 @@ from math import hypot, isfinite, pi
 import numpy as np
 
 from endolock.control.predictive import online_plays
-from endolock.control.predictive.internal_model import MIN_FRAMES, InternalModel, started
+from endolock.control.predictive.internal_model import MIN_FRAMES, InternalModel, at_rest
+from endolock.control.predictive.predictive_settings import PredictiveSettings
+from endolock.control.predictive.reversals import Reversals
 from endolock.control.predictive.target_prediction import SURE, SURE_AGAIN, Bank, Harmonic, Mover
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.control.transmission.linear_process import BEND_PER_HANDLE, HOLD_S, LAG_S
+from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.control.transmission.plays import play_step
-from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
+from endolock.hw.api import AXES, Calibration, Command, State
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
-MIN_TURNS = 2
-"""Reversals that must have been seen before the model is believed: the loop shows there alone."""
+MIN_REVERSALS = 2
+"""Reversals needed before the model is used: hysteresis shows only there."""
 FAR_RAD = 0.35
-"""A target that was so far off the axis is not predicted [rad]: the model must be wrong."""
-STILL_RAD_S, SHORT_RAD, SHORT_SHARE = 0.05, 0.02, 0.02
-"""Slower handles stand, and a servo stops short by that at most; so much of it is added each tick.
-Assumed: 8 mrad are measured on the twin."""
+"""Offset from the axis above which the target is not predicted [rad]: the model must be wrong."""
+STILL_RAD_S, DROOP_RAD, DROOP_GAIN = 0.05, 0.02, 0.02
+"""Speed below which a handle stands still [rad/s], largest steady-state error of its servo [rad],
+and fraction of it that is added to the goal each tick. Assumed: 8 mrad are measured on the twin."""
 CAUTION = 4.0
 """Factor on the reference play while cautious."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PredictiveSettings:
-    """What the law believes, and how quickly it changes its mind."""
-
-    target_distance_m: float = 0.12
-    """Depth of the target until markers tell it [m], > 0. Source: 12 cm, thesis ch. 6."""
-    walk_density: float = 0.02
-    """Random walk of the target [rad2/s], > 0. Assumed."""
-    densities: tuple[float, ...] = (0.02, 0.5)
-    """White acceleration of each constant-velocity predictor [rad2/s3], > 0. Assumed: a target of
-    slow and one of quick turns."""
-    harmonic: bool = True
-    """Whether periods are looked for."""
-    noise_px: float = 0.5
-    """Least standard deviation of what vision tells [px], > 0. Assumed: five times markers'."""
-    latency_uncertainty_s: float = 0.02
-    """Exposures are known to this [s]: while handles turn, frames are trusted less. Assumed."""
-    lead_s: float = LAG_S + HOLD_S
-    """Command to motion [s], >= 0: servo, tip, one and a half control periods."""
-    reversal_rad: float = 0.001
-    """Smaller changes of the wanted bend do not turn the handles back [rad], >= 0."""
-    identify_every_s: float = 2.0
-    """[s], > 0; more than the time of any run leaves the model as it begins."""
-    capstan: bool = True
-    """Whether a capstan model is looked for, besides the plays."""
-    damping: float = 0.8
-    """Share of the way from the old to the identified weights [1], 0 to 1."""
-    busy_per_s: float = 3.0
-    """More reversals of the handles a second make it cautious, until there are half as many.
-    Assumed: strokes have 0.5."""
-    swing_rad: float = 0.1
-    """A handle has reversed once it came back by this [rad], > 0. Assumed: less is noise."""
-
-    def __post_init__(self) -> None:
-        positive = (self.target_distance_m, self.walk_density, *self.densities, self.noise_px)
-        good = min(*positive, self.identify_every_s, self.busy_per_s) > 0
-        good &= min(self.latency_uncertainty_s, self.lead_s, self.reversal_rad, self.damping) >= 0
-        if not (good and self.densities and self.damping <= 1 and self.swing_rad > 0):
-            raise ConfigError(
-                "predictive: distance, densities, noise_px, identify_every_s and busy_per_s must "
-                "be above 0, the rest 0 or more, damping at most 1"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SinglePredictiveSettings(PredictiveSettings):
-    """The same with one constant-velocity predictor."""
-
-    densities: tuple[float, ...] = (0.02,)
-    """As above."""
-    harmonic: bool = False
-    """As above."""
-
-
 @dataclass
 class PredictiveMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
     bank: Bank
+    """Predictors of the target."""
     model: InternalModel = field(default_factory=InternalModel)
-    held: Pair = (0.0, 0.0)
-    """The last command [rad]."""
+    """Model of the transmission."""
+    goals: Pair = (0.0, 0.0)
+    """Goals of the handles, without droop correction [rad]."""
     droop: Pair = (0.0, 0.0)
-    """What the servos stop short, added to the command [rad]."""
-    wanted: Pair | None = None
-    """Bend that is wanted, behind the reference play [rad]."""
+    """Steady-state error of the servos, added to the goals [rad]."""
+    desired_bend: Pair | None = None
+    """Desired bend, after the reference play [rad]."""
     seen: list[tuple[float, float, float]] = field(default_factory=list)
-    """Exposures as believed [s], and how far the target was off then [rad]."""
+    """Believed exposure times [s] and offsets of the target from the axis [rad]."""
     distance_m: float | None = None
-    identified: float = 0.0
-    """When [s]."""
+    """Depth of the target, as last measured by markers [m]."""
+    identified_s: float = 0.0
+    """Time of the last identification [s]."""
     known: bool = False
-    """Whether the hysteresis was identified from a course with reversals."""
+    """Whether hysteresis was identified from motion with reversals."""
     rate: float = 0.0
-    """Of the handles [rad/s]."""
+    """Speed of the handles, both together [rad/s]."""
     off_rad: float = 0.0
-    """How far off the axis the target was in the newest frame [rad]."""
+    """Offset of the target from the axis in the newest frame [rad]."""
     lost: bool = False
-    extremes: Pair = (0.0, 0.0)
-    """Farthest commands since the last reversals [rad]."""
-    ways: Pair = (0.0, 0.0)
-    """Their directions, +1 or -1; 0 at first."""
-    turns: list[float] = field(default_factory=list)
-    """Times of the commands' reversals within the last 2 s [s]."""
-    turned: int = 0
-    """How many there were in all."""
-    cautious: bool = False
+    """Whether the target is lost."""
+    reversals: Reversals = field(default_factory=Reversals)
+    """Reversals of the goals."""
 
 
 class Predictive:
-    """The law.
+    """Predictive controller of both axes.
 
     Args:
         calibration: turns pixels into rays.
-        settings: what it believes; the defaults if None.
+        settings: prior knowledge; the defaults if None.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -157,85 +103,69 @@ class Predictive:
 
     @property
     def signals(self) -> dict[str, float]:
-        """Bend believed and wanted, widths, latency, what they are worth, predictor, caution."""
+        """Present and desired bend, widths and latency with uncertainty, models in use, caution."""
         memory = self.memory
-        told: dict[str, float] = {}
+        signals: dict[str, float] = {}
         model = memory.model
         for n, (name, axis) in enumerate(zip(AXES, model.axes, strict=True)):
-            told[f"bend_{name}_rad"] = model.bend[n]
-            if memory.wanted:
-                told[f"target_{name}_rad"] = memory.wanted[n]
-            told[f"width_{name}_rad"] = axis.width
-            told[f"width_std_{name}_rad"] = axis.width_std
-        told["latency_off_s"] = -model.shift
-        told["latency_std_s"] = model.shift_std_s
-        told["capstan"] = float(model.believed)
-        told["predictor"] = float(memory.bank.chosen)
-        told["cautious"] = float(memory.cautious)
-        return told
+            signals[f"bend_{name}_rad"] = model.bend[n]
+            if memory.desired_bend:
+                signals[f"target_{name}_rad"] = memory.desired_bend[n]
+            signals[f"width_{name}_rad"] = axis.width
+            signals[f"width_std_{name}_rad"] = axis.width_std
+        signals["latency_off_s"] = -model.shift
+        signals["latency_std_s"] = model.shift_std_s
+        signals["capstan"] = float(model.capstan_used)
+        signals["predictor"] = float(memory.bank.chosen)
+        signals["cautious"] = float(memory.reversals.cautious)
+        return signals
 
     def reset(self, state: State) -> None:
-        """Begin anew where the handles are, the plays centred on them."""
+        """Start again from the present handle angles, with the plays centred on them."""
         self.memory = self._fresh((state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Follow, learn, predict, aim; hold where the target is lost. See `Controller.update`."""
+        """Simulate, identify, predict and aim; hold while the target is lost.
+
+        See `Controller.update`.
+        """
         memory, settings = self.memory, self._settings
         memory.model.follow(state)
         memory.rate = hypot(*state.velocity)
         if observation is not None:
             memory.lost = observation.status is Status.LOST
             if observation.status is Status.TRACKING:
-                self._take(t, observation)
-        if t - memory.identified >= settings.identify_every_s and len(memory.seen) >= MIN_FRAMES:
-            memory.identified = t
+                self._add_frame(t, observation)
+        if t - memory.identified_s >= settings.identify_every_s and len(memory.seen) >= MIN_FRAMES:
+            memory.identified_s = t
             if memory.model.identify(np.array(memory.seen), settings.damping):
                 if not memory.known:
-                    memory.bank.forget(SURE)  # what was said without a model says nothing
-                memory.known = memory.turned >= MIN_TURNS
-                self._tell_again()
+                    memory.bank.forget(SURE)  # predictions made without a model do not count
+                memory.known = memory.reversals.total >= MIN_REVERSALS
+                self._recompute_past()
         if settings.capstan and memory.known:
-            believed = memory.model.believed
+            capstan_used = memory.model.capstan_used
             if memory.model.look_for_capstan(memory.seen):
-                self._tell_again()
-            if memory.model.believed is not believed:
+                self._recompute_past()
+            if memory.model.capstan_used is not capstan_used:
                 memory.bank.forget(SURE_AGAIN)
         if memory.bank.t is None or memory.lost:
-            return Command(position=memory.held)
-        self._want(t)
-        assert memory.wanted is not None
-        one, other = memory.model.handles_for(memory.wanted)
-        memory.held = min(max(one, -pi), pi), min(max(other, -pi), pi)
-        self._count_turns(t)
+            return Command(position=memory.goals)
+        memory.desired_bend = self._desired_bend(t)
+        up_down, left_right = memory.model.handles_for(memory.desired_bend)
+        memory.goals = min(max(up_down, -pi), pi), min(max(left_right, -pi), pi)
+        memory.reversals.update(
+            t, memory.goals, swing_rad=settings.swing_rad, busy_per_s=settings.busy_per_s
+        )
         droop = []
-        for old, goal, place, rate in zip(
+        for old, goal, position, rate in zip(
             memory.droop, state.goal, state.position, state.velocity, strict=True
         ):
-            # A servo without integral stops short under load, by what its encoder tells.
-            short = min(max(goal - place - old, -SHORT_RAD), SHORT_RAD)
-            droop.append(old + SHORT_SHARE * short if abs(rate) < STILL_RAD_S else old)
+            # A servo without integral action stops short of its goal under load.
+            error = min(max(goal - position - old, -DROOP_RAD), DROOP_RAD)
+            droop.append(old + DROOP_GAIN * error if abs(rate) < STILL_RAD_S else old)
         memory.droop = droop[0], droop[1]
-        return Command(position=[h + d for h, d in zip(memory.held, memory.droop, strict=True)])
-
-    def _count_turns(self, t: float) -> None:
-        """Notice reversals of the commands, and whether there are too many."""
-        memory, settings = self.memory, self._settings
-        extremes, ways = [], []
-        for command, extreme, way in zip(memory.held, memory.extremes, memory.ways, strict=True):
-            moved = command - extreme
-            if way * moved >= 0 and (way or abs(moved) < settings.swing_rad):
-                extreme = command if way else extreme
-            elif abs(moved) >= settings.swing_rad:
-                if way:
-                    memory.turns.append(t)
-                    memory.turned += 1
-                extreme, way = command, 1.0 if moved > 0 else -1.0
-            extremes.append(extreme)
-            ways.append(way)
-        memory.extremes, memory.ways = (extremes[0], extremes[1]), (ways[0], ways[1])
-        memory.turns = [at for at in memory.turns if at > t - 2.0]
-        limit = 2.0 * settings.busy_per_s
-        memory.cautious = len(memory.turns) > (limit / 2 if memory.cautious else limit)
+        return Command(position=[g + d for g, d in zip(memory.goals, memory.droop, strict=True)])
 
     def _fresh(self, handles: Pair) -> PredictiveMemory:
         settings = self._settings
@@ -243,10 +173,12 @@ class Predictive:
         if settings.harmonic or len(movers) > 1:
             movers.insert(0, Mover(settings.walk_density, still=True))
         bank = Bank(movers, Harmonic() if settings.harmonic else None)
-        return PredictiveMemory(bank, model=started(handles), held=handles, extremes=handles)
+        return PredictiveMemory(
+            bank, model=at_rest(handles), goals=handles, reversals=Reversals(extremes=handles)
+        )
 
-    def _take(self, t: float, observation: Observation) -> None:
-        """Work out where the target was."""
+    def _add_frame(self, t: float, observation: Observation) -> None:
+        """Reconstruct where the target was at the exposure."""
         memory, settings = self.memory, self._settings
         if isfinite(observation.distance_m):
             memory.distance_m = observation.distance_m
@@ -255,40 +187,41 @@ class Predictive:
         bend = memory.model.bend_at(exposed)
         position, rotation = kinematics.forward(self._geometry, bend)
         ray = camera_model.ray(self._calibration, observation.target_px)
-        place = kinematics.aim(self._geometry, position + rotation @ (depth * ray))
-        off = place[0] - bend[0], place[1] - bend[1]
-        memory.seen.append((observation.t_capture, *off))
-        turned = memory.model.turned(off)
-        place = bend[0] + turned[0], bend[1] + turned[1]
-        memory.off_rad = hypot(*off)
+        target = kinematics.aim(self._geometry, position + rotation @ (depth * ray))
+        offset = target[0] - bend[0], target[1] - bend[1]
+        memory.seen.append((observation.t_capture, *offset))
+        rotated = memory.model.rotated(offset)
+        target = bend[0] + rotated[0], bend[1] + rotated[1]
+        memory.off_rad = hypot(*offset)
         while memory.seen[0][0] < t - online_plays.WINDOW_S:
             del memory.seen[0]
         noise = settings.noise_px / self._calibration.focal_px
         late = settings.latency_uncertainty_s * memory.rate * BEND_PER_HANDLE
         horizon_s = t - exposed + settings.lead_s
-        memory.bank.update(exposed, place, noise**2 + late**2, horizon_s)
+        memory.bank.update(exposed, target, noise**2 + late**2, horizon_s)
 
-    def _want(self, t: float) -> None:
-        """Predict, and let the wanted bend follow behind the reference play."""
+    def _desired_bend(self, t: float) -> Pair:
+        """Predict the target, and return its bend after the reference play [rad]."""
         memory, settings = self.memory, self._settings
         reach = settings.reversal_rad
-        # Prediction without a model of the hysteresis rings, and a wrong model loses the target.
+        # Prediction without a model of hysteresis oscillates, and a wrong model loses the target.
         good = memory.known and memory.off_rad < FAR_RAD
-        aim = memory.bank.at(t + settings.lead_s) if good else memory.bank.movers[0].place
-        if memory.cautious:
+        aim = memory.bank.at(t + settings.lead_s) if good else memory.bank.movers[0].position
+        if memory.reversals.cautious:
             reach *= CAUTION
-        before = memory.wanted or aim
-        one, other = (play_step(w, a, reach) for w, a in zip(before, aim, strict=True))
-        memory.wanted = one, other
+        before = memory.desired_bend or aim
+        up_down, left_right = (play_step(b, a, reach) for b, a in zip(before, aim, strict=True))
+        return up_down, left_right
 
-    def _tell_again(self) -> None:
-        """Tell the target's past again with the model as it is now."""
+    def _recompute_past(self) -> None:
+        """Recompute the target's past with the present model."""
         memory = self.memory
-        t, *off = np.array([one for one in memory.seen if one[0] > memory.model.since]).T
-        moments = t + memory.model.shift
-        one, other = memory.model.turned((off[0], off[1]))
-        past = memory.model.course(moments) + np.column_stack([one, other])
+        known = [frame for frame in memory.seen if frame[0] > memory.model.since]
+        t, *offset = np.array(known).T
+        exposed = t + memory.model.shift
+        up_down, left_right = memory.model.rotated((offset[0], offset[1]))
+        past = memory.model.bends_at(exposed) + np.column_stack([up_down, left_right])
         noise = self._settings.noise_px / self._calibration.focal_px
-        places = [(float(x), float(y)) for x, y in past]
-        memory.bank.rewrite(moments.tolist(), places, noise**2)
-        memory.wanted = memory.model.bend  # the reference play stands where the new model is
+        positions = [(float(x), float(y)) for x, y in past]
+        memory.bank.rewrite(exposed.tolist(), positions, noise**2)
+        memory.desired_bend = memory.model.bend  # so the reference play starts from the new model

@@ -1,9 +1,9 @@
-"""Where a target will be: several predictors, and a choice by what each was worth lately.
+"""Prediction of the target: several predictors, and a selection by their recent errors.
 
-Each is fed with noisy places of the target at past times and asked for a later one. The random walk
-says that it stays; constant velocity, with little and with much acceleration, that it goes on; the
-harmonic one fits a period with its overtones. What each said of a time is compared with what came,
-and the one with the least error is believed once it is clearly better.
+Each receives noisy positions of the target at past times and predicts a later one. The random walk
+predicts that the target stays; constant velocity, with low and with high acceleration, that it
+continues; the harmonic predictor fits a period with overtones. Predictions are compared with the
+later positions, and the predictor with the smallest error is selected once it is clearly better.
 
 Reference:
     Y. Bar-Shalom, X. R. Li and T. Kirubarajan, Estimation with Applications to Tracking and
@@ -20,48 +20,53 @@ from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 
 PERIODS_S = np.geomspace(2.0, 30.0, 70)
-"""Periods that are tried [s]. Assumed: from heaving breath to a slow circle."""
+"""Candidate periods [s]. Assumed: from heavy breathing to a slow circle."""
 OVERTONES = 3
+"""Number of harmonics, the fundamental included."""
 WINDOW_S = 30.0
-"""So much of the past carries the harmonic predictor [s]."""
+"""Length of the past used by the harmonic predictor [s]."""
 LEAST_S = 4.0
-"""Nothing is fitted to less [s]."""
+"""Shortest past that is fitted [s]."""
 REFIT_S = 0.5
+"""Time between fits [s]."""
 POINTS = 250
-"""Most places that are fitted; of more, every second, third, ... is taken."""
+"""Largest number of positions fitted; of more, every second, third, ... is used."""
 MEMORY_S = 1.5
-"""Time constant with which past errors are forgotten [s]. Source: tuned on the default twin."""
+"""Time constant with which past errors decay [s]. Source: tuned on the default twin."""
 CLEARLY = 0.9
-"""Another predictor is chosen where its mean squared error is below this share of the present
-one's: a guard against switching to and fro."""
+"""Another predictor is selected if its mean squared error is below this fraction of the present
+one's, which prevents frequent switching."""
 SURE, SURE_AGAIN = 25, 50
-"""A predictor is chosen after so many comparisons, one or two seconds: when the tip's motion begins
-to be known, and when another model of it is believed."""
+"""Number of comparisons before a selection, one or two seconds: after the first identification, and
+after a change of the internal model."""
 AS_GOOD = 1.5
-"""A period is as good as the best if what it leaves is at most so many times as much: of a period
-and its multiples, which explain as much, the shortest is meant."""
+"""Ratio of residuals up to which a period counts as equal to the best: of a period and its
+multiples, which fit equally well, the shortest is selected."""
 RECENT = 150
-"""Places with which a filter starts anew when the past is rewritten: 6 s."""
+"""Number of positions that restart a filter when the past is rewritten: 6 s."""
 
 
 @dataclass
 class Mover:
-    """Kalman filter of place and velocity, alike on both axes; acceleration is white noise."""
+    """Kalman filter of position and velocity, the same on both axes, with white acceleration."""
 
     density: float
     """Spectral density of the acceleration [rad2/s3]; of the velocity where `still` [rad2/s]."""
     still: bool = False
-    """A random walk: there is no velocity."""
+    """Whether it is a random walk, without velocity."""
     t: float | None = None
-    place: Pair = (0.0, 0.0)
+    """Time of the newest position [s]."""
+    position: Pair = (0.0, 0.0)
+    """Estimated position [rad]."""
     velocity: Pair = (0.0, 0.0)
+    """Estimated velocity [rad/s]."""
     covariance: tuple[float, float, float] = (1.0, 0.0, 1.0)
-    """Of place, of both, of velocity."""
+    """Variance of the position, covariance, variance of the velocity."""
 
     def update(self, t: float, seen: Pair, variance: float) -> None:
-        """Take in one place; one that is no newer is left out."""
+        """Add one position; one that is not newer is ignored."""
         if self.t is None:
-            self.t, self.place, self.velocity = t, seen, (0.0, 0.0)
+            self.t, self.position, self.velocity = t, seen, (0.0, 0.0)
             self.covariance = (variance, 0.0, 0.0 if self.still else 0.25)
             return
         dt = t - self.t
@@ -76,42 +81,46 @@ class Mover:
             b += c * dt + q * dt**2 / 2
             c += q * dt
         gain, slope = a / (a + variance), b / (a + variance)
-        (x, y), (u, v) = self.place, self.velocity
+        (x, y), (u, v) = self.position, self.velocity
         x, y = x + u * dt, y + v * dt
         off_x, off_y = seen[0] - x, seen[1] - y
-        self.place = x + gain * off_x, y + gain * off_y
+        self.position = x + gain * off_x, y + gain * off_y
         self.velocity = u + slope * off_x, v + slope * off_y
         self.covariance = ((1 - gain) * a, (1 - gain) * b, c - slope * b)
         self.t = t
 
     def at(self, t: float) -> Pair:
-        """Say where the target will be."""
+        """Predict the position at a time [rad]."""
         dt = 0.0 if self.t is None else t - self.t
-        (x, y), (u, v) = self.place, self.velocity
+        (x, y), (u, v) = self.position, self.velocity
         return x + u * dt, y + v * dt
 
 
 @dataclass
 class Harmonic:
-    """A mean, a period and its overtones, fitted to the past, and what that misses of late."""
+    """Mean, period and overtones fitted to the past, and the recent mean error."""
 
     times: list[float] = field(default_factory=list)
-    places: list[Pair] = field(default_factory=list)
+    """Times of the positions [s]."""
+    positions: list[Pair] = field(default_factory=list)
+    """Positions of the target [rad]."""
     period_s: float | None = None
+    """Fitted period [s]; None while there is none."""
     weights: list[list[float]] = field(default_factory=list)
-    """Of 1, cosines and sines, each for both axes [rad]."""
+    """Coefficients of 1, cosines and sines, each for both axes [rad]."""
     fitted: float = 0.0
-    """When; phases count from there [s]."""
+    """Time of the last fit, at which the phases are 0 [s]."""
     missed: Pair = (0.0, 0.0)
+    """Mean error of the fit in the newest positions [rad]."""
 
     def update(self, t: float, seen: Pair) -> None:
-        """Take in one place, and fit anew now and then."""
+        """Add one position, and repeat the fit from time to time."""
         if self.times and t <= self.times[-1]:
             return
         self.times.append(t)
-        self.places.append(seen)
+        self.positions.append(seen)
         while self.times[0] < t - WINDOW_S:
-            del self.times[0], self.places[0]
+            del self.times[0], self.positions[0]
         if t - self.fitted > REFIT_S:
             self.fit()
         if self.period_s:
@@ -120,21 +129,21 @@ class Harmonic:
             self.missed = u + 0.15 * (seen[0] - x - u), v + 0.15 * (seen[1] - y - v)
 
     def at(self, t: float) -> Pair | None:
-        """Say where the target will be; None while no period is known."""
+        """Predict the position at a time [rad]; None while no period is known."""
         if not self.period_s:
             return None
         x, y = self._curve(t)
         return x + self.missed[0], y + self.missed[1]
 
     def fit(self) -> None:
-        """Fit to the past; what is older counts less, so that a start is forgotten."""
+        """Fit the past; older positions count less, so that the start is forgotten."""
         end = self.times[-1]
         if end - self.times[0] < LEAST_S:
             return
         self.fitted = end
         every = len(self.times) // POINTS + 1
         times = np.array(self.times[::-every]) - end
-        places = np.array(self.places[::-every])
+        positions = np.array(self.positions[::-every])
         trust = np.exp(times / WINDOW_S)[:, None]
         scan = PERIODS_S[-times[-1] / 1.15 > PERIODS_S]
         if self.period_s:
@@ -142,14 +151,16 @@ class Harmonic:
         tried = []
         for period in scan.tolist():
             waves = _waves(times, period)
-            weights = np.linalg.lstsq(trust * waves, trust * places, rcond=1e-4)[0]
-            tried.append((float((trust * (waves @ weights - places) ** 2).sum()), period, weights))
+            weights = np.linalg.lstsq(trust * waves, trust * positions, rcond=1e-4)[0]
+            tried.append(
+                (float((trust * (waves @ weights - positions) ** 2).sum()), period, weights)
+            )
         if not tried:
             return
         least = min(left for left, _, _ in tried)
         shortest = min(period for left, period, _ in tried if left <= AS_GOOD * least + 1e-9)
-        near = [one for one in tried if one[1] <= 1.1 * shortest]
-        _, self.period_s, best = min(near, key=lambda one: one[0])
+        near = [candidate for candidate in tried if candidate[1] <= 1.1 * shortest]
+        _, self.period_s, best = min(near, key=lambda candidate: candidate[0])
         self.weights = best.tolist()
         self.missed = (0.0, 0.0)
 
@@ -161,48 +172,50 @@ class Harmonic:
 
 @dataclass
 class Bank:
-    """Predictors, their past errors, and the choice."""
+    """Predictors, their recent errors, and the selection."""
 
     movers: list[Mover]
+    """Random walk and constant velocity."""
     harmonic: Harmonic | None = None
+    """Periodic motion."""
     chosen: int = 0
-    """Number of the one that is believed; the harmonic one comes last."""
+    """Index of the selected predictor; the harmonic one comes last."""
     errors: list[float] = field(default_factory=list)
     """Mean squared error of each [rad2]."""
     judged: list[int] = field(default_factory=list)
-    """How often each was."""
+    """Number of comparisons of each."""
     wait: int = SURE
-    """So often they must have been before there is a choice."""
+    """Number of comparisons before a selection."""
     said: list[tuple[float, list[Pair | None]]] = field(default_factory=list)
-    """What each said, with the time that it said it of."""
+    """Predictions [rad], with the times that they are for [s]."""
     t: float | None = None
-    """Of the newest place [s]."""
+    """Time of the newest position [s]."""
 
     def update(self, t: float, seen: Pair, variance: float, horizon_s: float) -> None:
-        """Take in one place; judge what was said of this time, say something of a later one.
+        """Add one position; score the predictions for this time, and make one for a later time.
 
         Args:
-            t: when the target was there [s].
-            seen: place [rad].
-            variance: of each coordinate [rad2].
-            horizon_s: how far ahead predictions are wanted [s].
+            t: time of the position [s].
+            seen: position [rad].
+            variance: variance of each coordinate [rad2].
+            horizon_s: prediction horizon [s].
         """
         count = len(self.all_at(t))
         self.errors, self.judged = self.errors or [1.0] * count, self.judged or [0] * count
         share = 1.0 if self.t is None else min(1.0, max(0.0, t - self.t) / MEMORY_S)
         self.t = t
         while self.said and self.said[0][0] <= t + 1e-6:
-            when, places = self.said.pop(0)
-            if t - when > 0.06:  # frames were lost since: nothing to compare with
+            when, predictions = self.said.pop(0)
+            if t - when > 0.06:  # frames were lost in between: nothing to compare with
                 continue
-            for n, place in enumerate(places):
-                if place is not None:
-                    squared = (place[0] - seen[0]) ** 2 + (place[1] - seen[1]) ** 2
+            for n, predicted in enumerate(predictions):
+                if predicted is not None:
+                    squared = (predicted[0] - seen[0]) ** 2 + (predicted[1] - seen[1]) ** 2
                     self.judged[n] += 1
                     weight = max(share, 1 / self.judged[n])  # a plain mean at first
                     self.errors[n] += weight * (squared - self.errors[n])
-        for one in self.movers:
-            one.update(t, seen, variance)
+        for mover in self.movers:
+            mover.update(t, seen, variance)
         if self.harmonic:
             self.harmonic.update(t, seen)
         self.said.append((t + horizon_s, self.all_at(t + horizon_s)))
@@ -213,29 +226,35 @@ class Bank:
             self.chosen = best
 
     def forget(self, wait: int) -> None:
-        """Leave the choice as it is until each was judged so often anew."""
+        """Keep the selection until each was compared a number of times again."""
         self.judged, self.wait = [], wait
 
-    def rewrite(self, times: list[float], places: list[Pair], variance: float) -> None:
-        """Replace the past: the same frames, as a better model of the tip tells them."""
-        self.said = []  # by another model
-        for one in self.movers:
-            one.t = None
-            for t, place in zip(times[-RECENT:], places[-RECENT:], strict=True):
-                one.update(t, place, variance)
+    def rewrite(self, times: list[float], positions: list[Pair], variance: float) -> None:
+        """Replace the past by the positions that another model of the tip gives.
+
+        Args:
+            times: exposure times of the frames [s].
+            positions: positions of the target [rad].
+            variance: variance of each coordinate [rad2].
+        """
+        self.said = []  # made with the other model
+        for mover in self.movers:
+            mover.t = None
+            for t, position in zip(times[-RECENT:], positions[-RECENT:], strict=True):
+                mover.update(t, position, variance)
         if self.harmonic and times:
-            self.harmonic.times, self.harmonic.places = list(times), list(places)
+            self.harmonic.times, self.harmonic.positions = list(times), list(positions)
             self.harmonic.fit()
 
     def all_at(self, t: float) -> list[Pair | None]:
-        """What each predictor says of a time; None where it cannot tell yet."""
+        """Prediction of each predictor for a time [rad]; None where it has none yet."""
         last = [self.harmonic.at(t)] if self.harmonic else []
-        return [*(one.at(t) for one in self.movers), *last]
+        return [*(mover.at(t) for mover in self.movers), *last]
 
     def at(self, t: float) -> Pair:
-        """What the chosen one says."""
-        place = self.all_at(t)[self.chosen]
-        return self.movers[0].at(t) if place is None else place
+        """Prediction of the selected predictor [rad]."""
+        predicted = self.all_at(t)[self.chosen]
+        return self.movers[0].at(t) if predicted is None else predicted
 
 
 def _waves(times: Vector, period: float) -> Vector:

@@ -1,4 +1,4 @@
-"""The law of an elastic cable that rubs in a curved conduit, and its lumped form.
+"""Capstan law of an elastic cable in a curved conduit, and its lumped form.
 
 Along a conduit of wrap angle Theta (total absolute curvature) and friction coefficient mu, the
 tension of a moving wire changes by the capstan law, T_in/T_out = exp(+-S), S = a + b. The exponents
@@ -10,7 +10,7 @@ the whole cable, pulling it in by x raises the tension at the far end by
     dT = k dx / A on pull,      A = e^b (e^a - 1) / a
     dT = k dx / B on release,   B = e^-b (1 - e^-a) / a
 
-and by nothing in between, until all of the wire slides the other way.
+and by nothing in between, until the whole wire slides the other way.
 
 One node that slides with dry friction between two springs has the same slopes, plateau and tension
 ratio if the compliances c1 (near the handle), c2 (near the section) and the friction bound F are
@@ -18,8 +18,8 @@ ratio if the compliances c1 (near the handle), c2 (near the section) and the fri
     k c1 = (cosh(a+b) - cosh b) / (a sinh(a+b))        k c2 = (cosh a - 1) / (a sinh(a+b))
     F = tanh((a+b)/2) (T_1 + T_2)
 
-because then it slips at T_1/T_2 = e^+-S, where c1 e^+-S + c2 is A/k or B/k. Several nodes in a row
-are several such cables, one behind the other; they also resolve the tension along the conduit.
+because it then slips at T_1/T_2 = e^+-S, where c1 e^+-S + c2 is A/k or B/k. Several nodes in a row
+are several such cables in series; they also resolve the tension along the conduit.
 
 Reference:
     M. Kaneko et al., ICRA 1991; G. Palli and C. Melchiorri, ICRA 2006; V. Agrawal, W. J. Peine and
@@ -31,8 +31,8 @@ from __future__ import annotations
 from math import cosh, exp, expm1, sinh, tanh
 
 SMALLEST = 1e-3
-"""Least a of a lumped cable and least k c2 [1]: below, the two springs would become infinitely
-stiff and the formulas lose digits; the slopes are off by as much at the most."""
+"""Smallest a of a lumped cable and smallest k c2 [1]: below it the two springs would become
+infinitely stiff and the formulas lose digits. The error of the slopes is at most as large."""
 
 
 def slip_slopes(conduit_exponent: float, section_exponent: float) -> tuple[float, float]:

@@ -22,20 +22,20 @@ from endolock.vision import camera_model
 Pair = tuple[float, float]
 """One number for each axis, (up_down, left_right)."""
 LARGEST_BEND_RAD = 2.6
-"""Targets beyond are aimed at with this bend [rad]; 150 deg. Assumed."""
+"""Targets that need more are aimed at with this bend [rad]; 150 deg. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SectionGeometry:
-    """Lengths of the section, as a bench would measure them with a ruler."""
+    """Lengths of the section, as measured with a ruler."""
 
     bending_length_m: float = 0.075
     """Along the backbone [m], > 0. Assumed, as the default instrument's."""
     rigid_tip_m: float = 0.015
-    """End of the bending part to the camera [m], >= 0. Assumed."""
+    """From the end of the bending part to the camera [m], >= 0. Assumed."""
     misalignment_rad: float = 0.0
-    """Turn of the picture against the wires, about the optical axis [rad]; positive takes the
-    camera's right towards its down. Assumed: none."""
+    """Rotation of the picture relative to the wires, about the optical axis [rad]; positive turns
+    the camera's right towards its down. Assumed: none."""
 
     def __post_init__(self) -> None:
         if not (self.bending_length_m > 0 and self.rigid_tip_m >= 0):
@@ -60,7 +60,7 @@ def forward(geometry: SectionGeometry, bend: Pair) -> tuple[Vector, Vector]:
     length, tip = geometry.bending_length_m, geometry.rigid_tip_m
     sinc = sin(t) / t if t > 1e-8 else 1.0
     half = 2 * (sin(t / 2) / t) ** 2 if t > 1e-8 else 0.5  # (1 - cos t)/t^2, without cancellation
-    # along d t, so that nothing divides by a vanishing bend
+    # factors of d t, so that nothing is divided by a vanishing bend
     sideways = length * half + tip * sinc
     ahead = length * sinc + tip * cos(t) - length - tip
     position = np.array([sideways * left_right, -sideways * up_down, ahead])
@@ -74,18 +74,18 @@ def forward(geometry: SectionGeometry, bend: Pair) -> tuple[Vector, Vector]:
 
 
 def image_jacobian(
-    geometry: SectionGeometry, calibration: Calibration, bend: Pair, target: Vector
+    geometry: SectionGeometry, calibration: Calibration, bend: Pair, target_m: Vector
 ) -> Vector:
     """Derivative of the target's pixel with respect to the bend, 2x2 [px/rad].
 
-    A point p = R' (X - x) in camera axes moves by dp = -R' (dx + w x (X - x)) with the camera's
-    place x and its turn w = J dbend, J the left Jacobian of the rotation vector.
+    A point p = R' (X - x) in camera axes moves by dp = -R' (dx + w x (X - x)), where x is the
+    camera's position and w = J dbend its rotation, J the left Jacobian of the rotation vector.
 
     Args:
         geometry: lengths of the section.
         calibration: the camera.
         bend: (up_down, left_right) [rad].
-        target: position in base axes [m], ahead of the camera.
+        target_m: position in base axes [m], ahead of the camera.
     """
     up_down, left_right = bend
     t = hypot(up_down, left_right)
@@ -104,7 +104,7 @@ def image_jacobian(
     moved[:2] += slope * np.outer(turned, bend)
     cross = _cross(up_down, left_right)
     turns = (np.eye(3) + half * cross + cubic * (cross @ cross))[:, :2]
-    apart = target - position
+    apart = target_m - position
     dp = -rotation.T @ (moved + np.cross(turns.T, apart).T)
     point = (rotation.T @ apart)[None]
     jacobian: Vector = camera_model.jacobian(calibration, point)[0] @ dp
@@ -119,21 +119,21 @@ def _cross(up_down: float, left_right: float) -> Vector:
     return np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
 
 
-def aim(geometry: SectionGeometry, target: Vector) -> Pair:
+def aim(geometry: SectionGeometry, target_m: Vector) -> Pair:
     """Bend that points the optical axis at a target.
 
     With r the target's distance from the section's axis at rest and z its distance ahead of the
-    section's base, r cos t - z sin t + L (1 - cos t)/t = 0; the rigid tip drops out.
+    section's base, r cos t - z sin t + L (1 - cos t)/t = 0; the rigid tip cancels out.
 
     Args:
         geometry: lengths of the section.
-        target: position in base axes [m].
+        target_m: position in base axes [m].
 
     Returns:
-        (up_down, left_right) [rad]; at most `LARGEST_BEND_RAD` long.
+        (up_down, left_right) [rad], of norm `LARGEST_BEND_RAD` at most.
     """
-    x, y = float(target[0]), float(target[1])
-    z = float(target[2]) + geometry.bending_length_m + geometry.rigid_tip_m
+    x, y = float(target_m[0]), float(target_m[1])
+    z = float(target_m[2]) + geometry.bending_length_m + geometry.rigid_tip_m
     r, length = hypot(x, y), geometry.bending_length_m
     if r < 1e-12:
         return 0.0, 0.0

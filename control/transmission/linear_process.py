@@ -1,7 +1,7 @@
-"""The linear picture of a target lock: what the handles do to the error, with lag and dead time.
+"""Linear model of a target lock: response of the error to the handles, with lag and dead time.
 
-Near the middle of the picture and away from reversals, the error e falls by K for each radian of
-handle, through a lag T (servo and tip) and a dead time L (video, frame, tick):
+Near the image centre and away from reversals, the error e falls by K per radian of handle, with a
+lag T (servo and tip) and a dead time L (video, frame, tick):
 
     e(s) = target(s) - K exp(-L s) / (T s + 1) handle(s)
 
@@ -22,8 +22,10 @@ default instrument; `endolock hysteresis` measures it."""
 LAG_S = 0.025
 """Lag of servo and tip [s]. Assumed: 25 and 2 ms measured on the default instrument."""
 HOLD_S = 0.030
-"""Dead time besides the video [s]: half a frame at 25 Hz, for the error is held between frames, and
-half a control period of 20 ms."""
+"""Dead time in addition to the video's [s]: half a frame at 25 Hz, because the error is constant
+between frames, and half a control period of 20 ms."""
+COMMAND_DELAY_S = 0.030
+"""Delay from a tick to the effect of its command [s]: one and a half control periods of 20 ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +42,8 @@ class Process:
     def __post_init__(self) -> None:
         if not (0 < self.gain < float("inf") and self.lag_s >= 0 and 0 < self.dead_s < 60):
             raise ConfigError(
-                f"gain {self.gain:g}, lag {self.lag_s:g} s, dead time {self.dead_s:g} s are no "
-                "process",
+                f"process with gain {self.gain:g}, lag {self.lag_s:g} s, dead time "
+                f"{self.dead_s:g} s",
                 "use a gain and a dead time above 0 and a lag of 0 or more",
             )
 
@@ -49,9 +51,9 @@ class Process:
 def image_gain(
     geometry: SectionGeometry, distance_m: float, bend_per_handle: float = BEND_PER_HANDLE
 ) -> float:
-    """Error per handle angle about a straight section, K [rad/rad].
+    """Error per handle angle with a straight section, K [rad/rad].
 
-    K = (bend per handle) (1 + (L/2 + l)/d): the tip turns, and moves sideways as well.
+    K = (bend per handle) (1 + (L/2 + l)/d): the tip rotates and also moves sideways.
 
     Args:
         geometry: lengths L and l of section and rigid tip.
@@ -68,8 +70,8 @@ def simc(process: Process, closed_loop_s: float | None = None) -> tuple[float, f
     kp = T / (K (tc + L)), kp/ki = min(T, 4 (tc + L)).
 
     Args:
-        process: what is controlled.
-        closed_loop_s: tc, the wanted time constant [s]; the dead time if None.
+        process: the controlled process.
+        closed_loop_s: tc, the desired time constant [s]; the dead time if None.
 
     Returns:
         kp [rad/rad] and ki [1/s].

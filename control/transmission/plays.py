@@ -1,7 +1,7 @@
-"""Prandtl-Ishlinskii hysteresis: a weighted sum of plays, run forwards and inverted exactly.
+"""Prandtl-Ishlinskii hysteresis: a weighted sum of plays, with its exact inverse.
 
-With z_i the play of half-width r_i behind the handle h, |h - z_i| <= r_i, the bend is sum w_i z_i.
-With all w_i >= 0 it rises with h from every state, so there is one handle angle for each bend.
+With z_i the output of the play of half-width r_i for the handle angle h, |h - z_i| <= r_i, the bend
+is sum w_i z_i. If all w_i >= 0 it rises with h from every state, so each bend has one handle angle.
 
 Reference:
     P. Krejci and K. Kuhnen, IEE Proc. Control Theory and Applications 148(3), 2001.
@@ -28,67 +28,67 @@ class Plays:
     radii: tuple[float, ...]
     """Half-widths r_i at the handle [rad], >= 0, rising."""
     weights: tuple[float, ...]
-    """Bend per handle angle w_i of each [rad/rad], >= 0; their sum is that of large strokes."""
+    """Bend per handle angle w_i of each [rad/rad], >= 0; their sum is the slope of long strokes."""
 
     def __post_init__(self) -> None:
         same = len(self.radii) == len(self.weights) > 0
         if not same or min(self.radii) < 0 or min(self.weights) < 0 or not sum(self.weights):
             raise ConfigError(
-                f"plays of radii {self.radii} and weights {self.weights}: give as many of each, "
-                "0 or more, not all weights 0"
+                f"plays of radii {self.radii} and weights {self.weights}",
+                "give the same number of each, 0 or more, not all weights 0",
             )
 
     def at_rest(self) -> PlaysOfBothAxes:
-        """Return both axes, alike and independent, with every play centred."""
+        """Return both axes, equal and independent, with every play centred."""
         return PlaysOfBothAxes(self)
 
 
 ONE_PLAY = Plays(radii=(pi / 10,), weights=(BEND_PER_HANDLE,))
-"""A loop of constant width, 0.2 of 180 deg: what the thesis compensates (ch. 6)."""
+"""A loop of constant width, 0.2 of 180 deg, as compensated in the thesis (ch. 6)."""
 
 
 @dataclass
 class Hysteresis:
-    """One axis with its past.
+    """Plays of one axis with their state.
 
-    The state `places` are plain numbers: keeping and restoring them goes on where it was.
+    The state `outputs` are plain numbers: restoring them continues from there.
     """
 
     plays: Plays
-    places: list[float] = field(default_factory=list)
+    outputs: list[float] = field(default_factory=list)
     """z_i [rad]; all 0 at first."""
 
     def __post_init__(self) -> None:
-        self.places = self.places or [0.0] * len(self.plays.radii)
+        self.outputs = self.outputs or [0.0] * len(self.plays.radii)
 
     @property
     def bend_rad(self) -> float:
         """Present bend [rad]."""
-        return sum(w * z for w, z in zip(self.plays.weights, self.places, strict=True))
+        return sum(w * z for w, z in zip(self.plays.weights, self.outputs, strict=True))
 
     def follow(self, handle_rad: float) -> float:
-        """Turn the handle to an angle; return the bend [rad]."""
+        """Move the handle to an angle; return the bend [rad]."""
         bend = 0.0
-        places = self.places
+        outputs = self.outputs
         for i, (r, w) in enumerate(zip(self.plays.radii, self.plays.weights, strict=True)):
-            places[i] = play_step(places[i], handle_rad, r)
-            bend += w * places[i]
+            outputs[i] = play_step(outputs[i], handle_rad, r)
+            bend += w * outputs[i]
         return bend
 
     def handle_for(self, bend_rad: float) -> float:
-        """Handle angle that would bring about a bend from here, without going there [rad].
+        """Handle angle that gives a bend from the present state, which stays unchanged [rad].
 
-        Within the deadband, where several would, it is the one at its edge on the way there.
+        For the present bend, which a range of handle angles gives, it is the middle of the range.
         """
         missing = bend_rad - self.bend_rad
         if missing == 0.0:
             return self._middle()
         sign = 1.0 if missing > 0 else -1.0
         missing *= sign
-        # Play i begins to move where the handle reaches z_i + r_i (upwards), in this order:
+        # Play i starts to move when the handle reaches z_i + r_i (upwards), in this order:
         starts = sorted(
             (sign * z + r, w)
-            for z, r, w in zip(self.places, self.plays.radii, self.plays.weights, strict=True)
+            for z, r, w in zip(self.outputs, self.plays.radii, self.plays.weights, strict=True)
             if w
         )
         at, slope = starts[0][0], 0.0
@@ -100,13 +100,13 @@ class Hysteresis:
         return sign * (at + missing / slope)
 
     def _middle(self) -> float:
-        """Middle of the handle angles that change nothing [rad]."""
-        pairs = list(zip(self.places, self.plays.radii, strict=True))
+        """Middle of the handle angles that change no play [rad]."""
+        pairs = list(zip(self.outputs, self.plays.radii, strict=True))
         return (max(z - r for z, r in pairs) + min(z + r for z, r in pairs)) / 2
 
 
 class PlaysOfBothAxes:
-    """Both axes of a section, each behind plays of its own.
+    """Both axes of a section, each with its own plays.
 
     Args:
         plays: parameters of each.
@@ -116,21 +116,21 @@ class PlaysOfBothAxes:
         self._axes = Hysteresis(plays), Hysteresis(plays)
 
     def follow(self, handles: Pair) -> Pair:
-        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        """Move the handles to angles [rad]; return the bends [rad]."""
         up_down, left_right = self._axes
         return up_down.follow(handles[0]), left_right.follow(handles[1])
 
 
 def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[Plays, float]:
-    """Fit weights of given radii to a log that begins at rest, by non-negative least squares.
+    """Fit the weights for given radii to a log that starts at rest, by non-negative least squares.
 
     Args:
         handle_rad: handle angles, n [rad].
-        bend_rad: bends at the same moments, n [rad].
-        radii: half-widths to be weighted [rad].
+        bend_rad: bends at the same times, n [rad].
+        radii: half-widths [rad].
 
     Returns:
-        The plays with a weight above 0, and the rms misfit [rad].
+        The plays with a weight above 0, and the rms residual [rad].
     """
     from scipy.optimize import nnls  # analysis only
 

@@ -1,19 +1,19 @@
-"""One axis of a bending section and its wires, slow enough for inertia and damping to vanish.
+"""Quasi-static model of one axis of a bending section and its wires, without inertia or damping.
 
 Each wire is cut once, as in control/transmission/cable.py: handle - spring - node - spring -
-section. All is told per bending stiffness K, so that tensions are in 1/m. With x the node's travel
-towards the handle and g(theta) the length of the wire in the section less its free length,
+section. All quantities are per bending stiffness K, so tensions are in 1/m. With x the node's
+travel towards the handle and g(theta) the length of the wire in the section less its free length,
 
     t_p = k_p max(0, +-r_p phi - x)         t_w = k_w max(0, x + g(theta))
-    e^-S <= t_p/t_w <= e^S                  the node stays where it is, or slides as far as it must
+    e^-S <= t_p/t_w <= e^S                  the node sticks, or slides by the least amount
     theta + m(theta) = sum over the wires of t_w (+-r cos(q/2) + h/2 sin(q/2)),   q = theta/n
 
-where m is the dry friction of the sheath, an elastic spring that yields. The right side falls and
-the left side rises with theta, so there is one bend for each handle angle and past. The wires of
-the other axis have no lever r; pretensioned, they still shorten with the bend and so help it.
+where m is the dry friction of the sheath, modelled as a yielding elastic spring. The right side
+falls and the left side rises with theta, so each handle angle and history gives one bend. The wires
+of the other axis have no lever r; under pretension they still shorten with the bend and support it.
 
-S and the springs follow the bend that the last step lets expect: with steps of a degree or two that
-is as good as solving for it.
+S and the springs are taken at the bend extrapolated from the last step: with steps of a degree or
+two that is as accurate as solving for it.
 """
 
 from __future__ import annotations
@@ -22,23 +22,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, exp, hypot, pi, sin
 
-import numpy as np
-
 from endolock.control.transmission.cable import compliances
-from endolock.control.transmission.kinematics import Pair
-from endolock.hw.api import ConfigError, Vector
+from endolock.hw.api import ConfigError
 
 TOLERANCE_RAD = 1e-9
 """Error of a bend [rad], far below any noise."""
 FLAT = 1e-3
-"""Slope that is taken where a handle moves no wire [1]: far below any other, and not 0."""
+"""Slope used where the handle moves no wire [1]: far below any other slope, but not 0."""
 SHEATH_GIVE_RAD = 0.02
 """Elastic bend of a sheath with dry friction before it slides [rad]; also the twin's. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
-    """What can be measured with a ruler, or counted."""
+    """Dimensions of section and pulley, which can be measured or counted."""
 
     bending_length_m: float = 0.075
     """L, along the backbone [m], > 0."""
@@ -47,7 +44,7 @@ class Geometry:
     pulley_radius_m: float = 0.005
     """r_p, wire travel per handle angle [m/rad], > 0."""
     hinges: int = 12
-    """N, in both axes together, even; each ring turns by 1/(N/2) of the bend."""
+    """N, both axes together, even; each ring turns by 1/(N/2) of the bend."""
 
     def __post_init__(self) -> None:
         lengths = (self.bending_length_m, self.wire_radius_m, self.pulley_radius_m)
@@ -57,7 +54,7 @@ class Geometry:
 
 @dataclass(frozen=True, kw_only=True)
 class Cable:
-    """The transmission, per bending stiffness K; one set of parameters for both wires."""
+    """Wires and conduits, per bending stiffness K; the same for all wires."""
 
     conduit_exponent: float
     """Capstan exponent mu Theta of the conduit at the shaft's bend, residual wrap included [1],
@@ -65,7 +62,7 @@ class Cable:
     section_friction: float
     """mu_b of the bending section [1], >= 0."""
     stiffness: float
-    """k/K of wire and conduit [1/m2], > 0."""
+    """k/K of wire and conduit, end to end [1/m2], > 0."""
     slack_m: float
     """Free length of each wire [m]; negative is pretension."""
     sheath: float
@@ -73,11 +70,11 @@ class Cable:
 
 
 class Axis:
-    """Follows one axis through a history of handle angles.
+    """State of one axis, updated with each handle angle.
 
     Args:
-        cable: the transmission.
-        geometry: the section.
+        cable: wires and conduits.
+        geometry: dimensions of the section.
     """
 
     def __init__(self, cable: Cable, geometry: Geometry) -> None:
@@ -85,15 +82,15 @@ class Axis:
         self.bend_rad = 0.0
         """Present bend [rad]."""
         self.tensions = (0.0, 0.0)
-        """Present tensions at the handle over K [1/m], of the wire that a positive angle pulls and
-        of the other one."""
+        """Present tensions at the handle over K [1/m]: of the wire pulled by a positive angle, and
+        of the opposite one."""
         near, far = compliances(cable.conduit_exponent, 0.0)
         self._nodes = [min(0.0, cable.slack_m) * near / (near + far)] * 4  # both springs pull alike
         self._yielded = self._step_rad = self._handle_rad = 0.0
 
     @property
     def state(self) -> list[float]:
-        """All that it remembers, but for the tensions; setting it goes on from there."""
+        """The complete state except the tensions; setting it continues from there."""
         return [self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes]
 
     @state.setter
@@ -103,15 +100,15 @@ class Axis:
     def follow(
         self, handle_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
     ) -> float:
-        """Turn the handle to an angle; return the bend [rad].
+        """Move the handle to an angle; return the bend [rad].
 
         Args:
-            handle_rad: handle angle [rad]; steps of a few hundredths follow the history well.
+            handle_rad: handle angle [rad]; steps of a few hundredths are accurate.
             other_handle_rad: handle angle of the other axis [rad]; its wires cross the bend and,
-                under tension, help it.
+                under tension, support it.
             other_bend_rad: present bend of the other axis [rad].
         """
-        made = self._cable
+        cable = self._cable
         k_p, k_w, ratios = self._stiffness(self.bend_rad + self._step_rad, other_bend_rad)
         own_travel = self._geometry.pulley_radius_m * handle_rad
         other_travel = self._geometry.pulley_radius_m * other_handle_rad
@@ -127,19 +124,19 @@ class Axis:
             yield -other_travel, gap + across, lever
 
         def balance(bend: float) -> tuple[float, float]:
-            """Moment that is missing at a bend, and its slope."""
-            sheath = (bend - self._yielded) * made.sheath / SHEATH_GIVE_RAD
+            """Residual moment at a bend, and its slope."""
+            sheath = (bend - self._yielded) * cable.sheath / SHEATH_GIVE_RAD
             missing, slope = bend, 1.0
-            if abs(sheath) < made.sheath:
-                missing, slope = missing + sheath, slope + made.sheath / SHEATH_GIVE_RAD
+            if abs(sheath) < cable.sheath:
+                missing, slope = missing + sheath, slope + cable.sheath / SHEATH_GIVE_RAD
             else:
-                missing += made.sheath if sheath > 0 else -made.sheath
+                missing += cable.sheath if sheath > 0 else -cable.sheath
             for node, (travel, gap, lever) in zip(self._nodes, wires(bend), strict=True):
                 x, sliding = _slide(node, travel, gap, ratios)
                 if x + gap <= 0:
                     continue
                 missing -= k_w * (x + gap) * lever
-                # a sliding node gives way by its share: dx/dgap = -ratio/(1 + ratio)
+                # a sliding node follows by dx/dgap = -ratio/(1 + ratio)
                 slope += k_w * lever * lever * (1.0 if sliding is None else 1 / (1 + sliding))
             return missing, slope
 
@@ -160,21 +157,21 @@ class Axis:
     def handle_for(
         self, bend_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0
     ) -> float:
-        """Handle angle that would bring about a bend from here, without going there [rad].
+        """Handle angle that gives a bend from the present state, which stays unchanged [rad].
 
         Args:
-            bend_rad: wanted bend [rad], another one than the present: in between, where nothing
-                moves, there are many.
-            other_handle_rad: as for `follow`.
-            other_bend_rad: as for `follow`.
+            bend_rad: desired bend [rad], different from the present one, which a range of handle
+                angles gives.
+            other_handle_rad: handle angle of the other axis [rad].
+            other_bend_rad: present bend of the other axis [rad].
         """
-        made = self._cable
+        cable = self._cable
         _, k_w, ratios = self._stiffness(bend_rad, other_bend_rad)
         across, along = self._crossing(other_bend_rad)
         middle, side, lever, arm = self._lengths(bend_rad)
         gap, radius = middle + along, self._geometry.pulley_radius_m
-        sheath = (bend_rad - self._yielded) * made.sheath / SHEATH_GIVE_RAD
-        fixed = bend_rad + min(max(sheath, -made.sheath), made.sheath)
+        sheath = (bend_rad - self._yielded) * cable.sheath / SHEATH_GIVE_RAD
+        fixed = bend_rad + min(max(sheath, -cable.sheath), cable.sheath)
         other_travel = radius * other_handle_rad
         for node, travel, away in (
             (self._nodes[2], other_travel, gap - across),
@@ -188,7 +185,7 @@ class Axis:
         )
 
         def balance(handle: float) -> tuple[float, float]:
-            """Moment in excess at a handle angle, and its slope."""
+            """Excess moment at a handle angle, and its slope."""
             excess, slope = -fixed, 0.0
             for node, per_rad, away, arm in own:
                 x, sliding = _slide(node, per_rad * handle, away, ratios)
@@ -205,15 +202,15 @@ class Axis:
         self, bend_rad: float, other_bend_rad: float
     ) -> tuple[float, float, tuple[float, float]]:
         """Stiffness on either side of the nodes, and k_w e^(+-S)/k_p."""
-        made = self._cable
-        b = made.section_friction * hypot(bend_rad, other_bend_rad)
-        near, far = compliances(made.conduit_exponent, b)
-        k_p, k_w = made.stiffness / near, made.stiffness / far
-        up = exp(made.conduit_exponent + b)
+        cable = self._cable
+        b = cable.section_friction * hypot(bend_rad, other_bend_rad)
+        near, far = compliances(cable.conduit_exponent, b)
+        k_p, k_w = cable.stiffness / near, cable.stiffness / far
+        up = exp(cable.conduit_exponent + b)
         return k_p, k_w, (k_w * up / k_p, k_w / up / k_p)
 
     def _lengths(self, bend: float) -> tuple[float, float, float, float]:
-        """Length of the middle line less nothing, what wires gain by side, and the two levers."""
+        """Length of the centre line, change of wire length by side, and the two levers."""
         geometry = self._geometry
         n, r = geometry.hinges / 2, geometry.wire_radius_m
         h = geometry.bending_length_m / geometry.hinges
@@ -221,98 +218,16 @@ class Axis:
         return n * h * c, n * 2 * r * s, h / 2 * s, r * c
 
     def _crossing(self, other_bend: float) -> tuple[float, float]:
-        """What the other axis' bend adds to its own wires by side, and to all wires."""
+        """Length that the other axis' bend adds to its own wires by side, and to all wires."""
         middle, side, _, _ = self._lengths(other_bend)
         return side, middle - self._geometry.bending_length_m - self._cable.slack_m
-
-
-class BothAxes:
-    """Both axes of a section; each one's bend adds friction to the other's wires, and helps it.
-
-    Args:
-        up_down: one axis.
-        left_right: the other one.
-    """
-
-    def __init__(self, up_down: Axis, left_right: Axis) -> None:
-        self._axes = up_down, left_right
-
-    def follow(self, handles: Pair) -> Pair:
-        """Turn the handles to their angles [rad]; return the bends [rad]."""
-        up_down, left_right = self._axes
-        bend = up_down.follow(handles[0], handles[1], left_right.bend_rad)
-        return bend, left_right.follow(handles[1], handles[0], bend)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CableTransmission:
-    """What lies between both handles and the section, the same on both axes."""
-
-    cable: Cable
-    """The wires in their conduits."""
-    geometry: Geometry
-    """The section and its pulleys."""
-
-    def at_rest(self) -> BothAxes:
-        """Return both axes as they are before the handles turn."""
-        up_down, left_right = (Axis(self.cable, self.geometry) for _ in range(2))
-        return BothAxes(up_down, left_right)
-
-
-def thin(handle: Vector, step_rad: float) -> list[int]:
-    """Choose samples a step of handle travel apart, and those where the handle turns.
-
-    Args:
-        handle: handle angles [rad], m.
-        step_rad: travel between two of them [rad]; smaller turns than a quarter are noise.
-    """
-    kept, farthest = [0], 0
-    for k, angle in enumerate(handle.tolist()):
-        last, far = handle[kept[-1]], handle[farthest]
-        if abs(angle - far) >= step_rad / 4 and (angle - far) * (far - last) < 0:
-            kept.append(farthest)
-            last, farthest = far, k
-        if abs(angle - last) >= step_rad:
-            kept.append(k)
-            farthest = k
-        elif abs(angle - last) >= abs(handle[farthest] - last):
-            farthest = k
-    return kept
-
-
-def simulate(
-    cable: Cable,
-    geometry: Geometry,
-    handle_rad: Vector,
-    other_handle_rad: Vector,
-    other_bend_rad: Vector,
-) -> tuple[Vector, Vector]:
-    """Follow a history of handle angles from rest.
-
-    Args:
-        cable: the transmission.
-        geometry: the section.
-        handle_rad: handle angles [rad], m.
-        other_handle_rad: handle angles of the other axis at the same moments [rad], m.
-        other_bend_rad: its bends [rad], m.
-
-    Returns:
-        Bends [rad], m, and tensions at the handle over K [1/m], m x 2.
-    """
-    axis = Axis(cable, geometry)
-    bends, tensions = [], []
-    inputs = (column.tolist() for column in (handle_rad, other_handle_rad, other_bend_rad))
-    for handle, other_handle, other_bend in zip(*inputs, strict=True):
-        bends.append(axis.follow(handle, other_handle, other_bend))
-        tensions.append(axis.tensions)
-    return np.array(bends), np.array(tensions)
 
 
 def _slide(
     x: float, travel: float, gap: float, ratios: Sequence[float]
 ) -> tuple[float, float | None]:
-    """Where a node comes to rest, and the ratio k_w e^(+-S)/k_p at which it slides, if it does."""
-    if travel + gap <= 0:  # loose: it lies where neither side pulls
+    """Position where a node comes to rest, and the ratio k_w e^(+-S)/k_p if it slides."""
+    if travel + gap <= 0:  # slack: it rests where neither side pulls
         return min(max(x, travel), -gap), None
     low = (travel - ratios[0] * gap) / (1 + ratios[0])
     if x < low:
@@ -322,7 +237,7 @@ def _slide(
 
 
 def _root(balance: Callable[[float], tuple[float, float]], start: float) -> float:
-    """Root of a rising function that is smooth but for kinks: Newton, kept between known signs."""
+    """Root of a rising, piecewise smooth function: Newton steps within a bracket."""
     low, high, at = -pi, pi, start
     for _ in range(60):
         missing, slope = balance(at)

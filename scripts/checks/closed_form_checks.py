@@ -10,7 +10,8 @@ from math import degrees, exp, pi, radians
 import mujoco
 import numpy as np
 
-from endolock.control.transmission import quasi_static
+from endolock.control.transmission.quasi_static import Geometry
+from endolock.control.transmission.simulation import simulate
 from endolock.hw.api import AXES
 from endolock.scripts.checks.strokes import (
     ONE_WIRE,
@@ -228,7 +229,7 @@ def slow_loops() -> float:
         motion = turn(plant, [(0, 0), (20, 2.0), (60, -2.0), (100, 2.0), (112, 0.8), (120, 1.6)])
         handle, bend = motion.handle[::5], motion.bend[::5]
         cable, nothing = cable_of(made, radians(shaft)), np.zeros(len(handle))
-        right, _ = quasi_static.simulate(cable, quasi_static.Geometry(), handle, nothing, nothing)
+        right, _ = simulate(cable, Geometry(), handle, nothing, nothing)
         worst = max(worst, float(np.abs(bend - right).max()))
     return degrees(worst)
 

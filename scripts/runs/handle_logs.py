@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from endolock.control.identification.fits import STEP_RAD
 from endolock.control.identification.handle_log import HandleLog
-from endolock.control.transmission.quasi_static import thin
+from endolock.control.transmission.simulation import thin
 from endolock.hw.api import AXES, ConfigError, Pose, Vector
 from endolock.scripts.runs import run_folder
 

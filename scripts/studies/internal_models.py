@@ -20,11 +20,12 @@ import numpy as np
 
 from endolock.control.identification import fits
 from endolock.control.identification.handle_log import HandleLog
-from endolock.control.predictive.internal_model import RADII
+from endolock.control.predictive.axis_plays import RADII
+from endolock.control.transmission.both_axes import CableTransmission
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import image_gain
 from endolock.control.transmission.plays import Plays, fit, play
-from endolock.control.transmission.quasi_static import Cable, CableTransmission, Geometry
+from endolock.control.transmission.quasi_static import Cable, Geometry
 from endolock.hw.api import AXES, Vector
 from endolock.scripts import cli
 from endolock.scripts.runs import run_folder

@@ -8,8 +8,9 @@ from math import radians
 
 import numpy as np
 
-from endolock.control.transmission import plays, quasi_static
+from endolock.control.transmission import plays
 from endolock.control.transmission.plays import Plays
+from endolock.control.transmission.simulation import simulate
 from endolock.hw.api import Vector
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import transmission_of
@@ -30,7 +31,7 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
     handle = exercise()
     still = np.zeros(len(handle))
     wires = transmission_of(instrument, radians(shaft_deg))
-    bend, _ = quasi_static.simulate(wires.cable, wires.geometry, handle, still, still)
+    bend, _ = simulate(wires.cable, wires.geometry, handle, still, still)
     return plays.fit(handle, bend, radii)[0]
 
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from endolock.control.transmission.both_axes import CableTransmission
 from endolock.control.transmission.kinematics import SectionGeometry
-from endolock.control.transmission.quasi_static import Cable, CableTransmission, Geometry
+from endolock.control.transmission.quasi_static import Cable, Geometry
 from endolock.twin.world.instrument import Instrument, Numerics
 
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from endolock.control.identification.fits import CableFit, fit
 from endolock.control.identification.handle_log import HandleLog
-from endolock.control.transmission.quasi_static import Geometry, thin
+from endolock.control.transmission.quasi_static import Geometry
+from endolock.control.transmission.simulation import thin
 from endolock.hw.api import Vector
 from endolock.scripts.checks.strokes import still, turn
 from endolock.scripts.studies.foreign_plants import bouc_wen, prandtl_ishlinskii

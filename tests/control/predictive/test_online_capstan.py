@@ -13,14 +13,10 @@ from hypothesis import strategies as st
 
 from endolock.control import loop, registry
 from endolock.control.predictive import online_capstan
-from endolock.control.predictive.internal_model import PRIOR, RADII, InternalModel, started
-from endolock.control.predictive.online_capstan import (
-    CABLE,
-    START,
-    CapstanParameters,
-    Search,
-    Track,
-)
+from endolock.control.predictive.axis_plays import PRIOR, RADII
+from endolock.control.predictive.capstan_rollout import CapstanParameters, CapstanRollout
+from endolock.control.predictive.internal_model import InternalModel, at_rest
+from endolock.control.predictive.online_capstan import CABLE, START, Search
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
 from endolock.hw.api import Mode, State, Vector
@@ -84,9 +80,9 @@ def _exercise(t: Vector) -> Vector:
 
 def _frames(t: Vector, handles: Vector) -> list[tuple[float, float, float]]:
     """What a camera would see of a target that moves smoothly, with the plant `TRUE`."""
-    track = Track(TRUE, ([], []))
-    track.go_on([(a, b) for a, b in handles.tolist()])
-    bends = np.array(track.bends)
+    rollout = CapstanRollout(TRUE, ([], []))
+    rollout.follow([(a, b) for a, b in handles.tolist()])
+    bends = np.array(rollout.bends)
     exposed = np.arange(4.0, float(t[-1]) - 0.5, 0.04)
     moments = exposed + TRUE.shift_s
     bend = np.column_stack([np.interp(moments, t, column) for column in bends.T])
@@ -113,8 +109,8 @@ def test_the_search_finds_the_plant_from_what_the_lock_sees() -> None:
     search, _ = _searched()
     assert search.misfit_rad < 0.003  # splines leave that much of the target
     # shapes are told, the slope hardly: stiffness and slack make up for each other
-    assert search.values.conduit_exponent == pytest.approx(TRUE.conduit_exponent, abs=0.1)
-    assert search.values[CABLE:] == pytest.approx(TRUE[CABLE:], abs=0.01)
+    assert search.parameters.conduit_exponent == pytest.approx(TRUE.conduit_exponent, abs=0.1)
+    assert search.parameters[CABLE:] == pytest.approx(TRUE[CABLE:], abs=0.01)
 
 
 def test_a_step_never_makes_it_worse() -> None:
@@ -149,14 +145,14 @@ def _state(t: float, handles: tuple[float, float]) -> State:
 
 
 def test_without_a_capstan_it_is_the_plays() -> None:
-    model = started((0.1, -0.2))
+    model = at_rest((0.1, -0.2))
     for n, turn in enumerate(np.linspace(0, 1.0, 50).tolist()):
         model.follow(_state(0.02 * n, (0.1 + turn, -0.2 - turn)))
-    assert not model.believed
+    assert not model.capstan_used
     # no hysteresis at first: the bend is the handle's angle times the slope
     assert model.bend == pytest.approx((PRIOR[0] * 1.1, -PRIOR[0] * 1.2))
-    assert model.bend_at(0.5) == pytest.approx(model.course(np.array([0.5]))[0].tolist())
-    assert len(model.axes[0].places) == len(RADII)
+    assert model.bend_at(0.5) == pytest.approx(model.bends_at(np.array([0.5]))[0].tolist())
+    assert len(model.axes[0].outputs) == len(RADII)
 
 
 @pytest.mark.parametrize(("misfit", "believed"), [(0.5, True), (1.1, True), (1.3, False)])
@@ -166,19 +162,19 @@ def test_the_capstan_is_believed_where_it_leaves_no_more(misfit: float, believed
     model.times, model.bends = t.tolist(), [(0.0, 0.0)] * len(t)
     model.search.steps, model.search.misfit_rad = 5, 0.004 * misfit
     model._choose()
-    assert model.believed is believed
+    assert model.capstan_used is believed
 
 
 def test_one_that_leaves_little_is_not_given_up() -> None:
-    model = InternalModel(misfit_rad=1e-3, believed=True)
+    model = InternalModel(misfit_rad=1e-3, capstan_used=True)
     t = np.arange(0.0, 20.0, 0.02)
     model.times, model.bends = t.tolist(), [(0.0, 0.0)] * len(t)
     model.search.steps, model.search.misfit_rad = 5, 0.006
     model._choose()
-    assert model.believed
+    assert model.capstan_used
     model.search.misfit_rad = 0.02
     model._choose()
-    assert not model.believed
+    assert not model.capstan_used
 
 
 def test_the_lock_believes_it_on_the_twin_and_bends_as_it_says() -> None:

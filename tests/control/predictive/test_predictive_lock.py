@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from endolock.control import loop, metrics, registry
 from endolock.control.predictive import online_plays
-from endolock.control.predictive.internal_model import PRIOR, RADII
+from endolock.control.predictive.axis_plays import PRIOR, RADII
 from endolock.control.predictive.predictive_lock import Predictive
 from endolock.control.predictive.target_prediction import Bank, Harmonic, Mover
 from endolock.control.transmission.plays import ONE_PLAY, Plays, play

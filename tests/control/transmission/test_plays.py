@@ -77,5 +77,5 @@ def test_a_fit_finds_the_weights() -> None:
 def test_plays_that_are_none_are_refused(
     radii: tuple[float, ...], weights: tuple[float, ...]
 ) -> None:
-    with pytest.raises(ConfigError, match="give as many of each"):
+    with pytest.raises(ConfigError, match="give the same number of each"):
         Plays(radii=radii, weights=weights)

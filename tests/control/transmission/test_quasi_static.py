@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from endolock.control.transmission.quasi_static import Axis, Cable, Geometry, simulate
+from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
+from endolock.control.transmission.simulation import simulate
 from endolock.hw.api import ConfigError, Vector
 from endolock.scripts.checks.strokes import still, turn
 from endolock.twin.physics.closed_forms import PulledSection

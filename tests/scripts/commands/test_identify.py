@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endolock.control.transmission.quasi_static import Cable, Geometry, simulate
+from endolock.control.transmission.quasi_static import Cable, Geometry
+from endolock.control.transmission.simulation import simulate
 from endolock.hw.api import Vector
 from endolock.scripts import cli
 from endolock.scripts.runs import handle_logs
