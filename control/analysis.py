@@ -1,8 +1,8 @@
-"""What linear theory and describing functions say of a loop; with python-control, off line.
+"""Linear and describing-function analysis of a loop, with python-control, offline.
 
 The loop is L(s) = C(s) K exp(-L s)/(T s + 1), with the process of
-control/transmission/linear_process.py and a law's response C from error to handle. Dead time is
-exact: margins are read off the frequency response.
+control/transmission/linear_process.py and a controller's response C from error to handle. Dead time
+is exact: margins are taken from the frequency response.
 
 Reference:
     K. J. Astrom and R. M. Murray, Feedback Systems, 2nd ed., ch. 10 (margins, describing
@@ -33,39 +33,39 @@ from endolock.control.transmission.linear_process import HOLD_S, Process, image_
 from endolock.hw.api import Vector
 
 OMEGA = np.geomspace(1e-2, 3e2, 6000)
-"""Angular frequencies at which loops are looked at [rad/s]: 10 min to 20 ms."""
+"""Angular frequencies of the frequency response [rad/s]: periods of 10 min to 20 ms."""
 PADE = 8
-"""Order of the dead time where a rational one is needed."""
+"""Order of the Pade approximation of the dead time."""
 PADE_REACH = 9.0
-"""It is used up to this angular frequency times the dead time: 1 deg off there."""
+"""Largest product of angular frequency and dead time at which it is used: an error of 1 deg."""
 
 Complex = NDArray[np.complex128]
 Response = Callable[[Complex], Complex]
-"""Law's handle angle per error, complex, at s = j omega."""
+"""Handle angle per error of a controller, complex, at s = j omega."""
 
 
 class Margins(NamedTuple):
-    """How far a loop is from ringing for ever."""
+    """Stability margins of a loop."""
 
     gain: float
-    """Factor on the gain that it stands [1]; below 1 it is unstable already."""
+    """Gain margin [1]; a loop with less than 1 is unstable."""
     phase_deg: float
-    """Least turn that takes the loop through -1 where its gain is 1 [deg]."""
+    """Phase margin, the smallest over all crossovers [deg]."""
     dead_s: float
-    """More dead time that it stands [s]."""
+    """Delay margin [s]."""
 
 
 def response(settings: Any, process: Process) -> Response | None:
-    """Return the linear part of a law; None where it has none, as of the oracle.
+    """Return the linear part of a controller; None if it has none, as the oracle.
 
     Args:
-        settings: of the law.
-        process: what the law is used on; its dead time is the age of frames and the hold.
+        settings: settings of the controller.
+        process: the controlled process; its dead time is the age of frames plus the hold.
     """
     geometry = SectionGeometry()
 
-    def gain(made: Any) -> float:
-        return image_gain(geometry, made.target_distance_m, made.bend_per_handle)
+    def gain(own: Any) -> float:
+        return image_gain(geometry, own.target_distance_m, own.bend_per_handle)
 
     age_s = process.dead_s - HOLD_S
     match settings:
@@ -89,11 +89,11 @@ def response(settings: Any, process: Process) -> Response | None:
 
 
 def margins(law: Response, process: Process) -> Margins:
-    """Work out the margins of a loop.
+    """Compute the margins of a loop.
 
     Args:
-        law: its linear part.
-        process: what it drives.
+        law: linear part of the controller.
+        process: the controlled process.
     """
     s = (1j * OMEGA).astype(np.complex128)
     loop = law(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
@@ -107,15 +107,15 @@ def margins(law: Response, process: Process) -> Margins:
 
 
 def identify_step(t: Vector, error: Vector, step_rad: float) -> tuple[Process, float]:
-    """Find gain, lag and dead time from the answer to a step of the handle at t = 0.
+    """Identify gain, lag and dead time from the response to a step of the handle at t = 0.
 
     Args:
-        t: times at which errors were told, n [s].
-        error: less what it was before the step, n [rad]; it falls for a positive step.
+        t: times of the errors, n [s].
+        error: change of the error since the step, n [rad]; it falls for a positive step.
         step_rad: size of the step [rad].
 
     Returns:
-        The process, and the rms misfit [rad].
+        The process, and the rms residual [rad].
     """
 
     def misfit(x: Vector) -> Vector:
@@ -138,14 +138,15 @@ class LimitCycle(NamedTuple):
     """A predicted oscillation."""
 
     amplitude_rad: float
-    """Of the law's output [rad]."""
+    """Amplitude of the controller's output [rad]."""
     omega_rad_s: float
+    """Angular frequency [rad/s]."""
 
 
 class OverCompensation(ct.DescribingFunctionNonlinearity):  # type: ignore[misc]  # untyped
-    """Play of half-width r behind a compensation of half-width c > r, which jumps at each turn.
+    """Play of half-width r after a compensation of half-width c > r, which jumps at each reversal.
 
-    What is left is v + (c - r) sign(v'), so N(A) = 1 + 4j (c - r)/(pi A).
+    The output is v + (c - r) sign(v'), so N(A) = 1 + 4j (c - r)/(pi A).
 
     Args:
         excess_rad: c - r [rad].
@@ -166,10 +167,10 @@ def limit_cycles(
     """Predict oscillations where L(jw) = -1/N(A).
 
     Args:
-        law: its linear part, as a transfer function.
-        process: what it drives.
+        law: linear part of the controller, as a transfer function.
+        process: the controlled process.
         nonlinearity: one of python-control's, or `OverCompensation`.
-        amplitudes: at which it is looked at, rising [rad].
+        amplitudes: amplitudes at which it is evaluated, rising [rad].
     """
     top, bottom = ct.pade(process.dead_s, PADE)
     plant = ct.tf([process.gain], [process.lag_s, 1]) * ct.tf(top, bottom)
@@ -183,19 +184,19 @@ def limit_cycles(
 def ringing(
     law: Response, process: Process, chain: Callable[[Vector], Vector], period_s: float = 0.02
 ) -> LimitCycle | None:
-    """Predict an oscillation with a describing function that is measured, N(A, w).
+    """Predict an oscillation with a simulated describing function, N(A, w).
 
-    For what depends on the frequency too, such as a compensation behind a low-pass: the chain is
-    driven with A sin(wt), and 1 + L(jw) N(A, w) = 0 is solved.
+    For nonlinearities that also depend on frequency, such as a compensation after a low-pass: the
+    chain is driven with A sin(wt), and 1 + L(jw) N(A, w) = 0 is solved.
 
     Args:
-        law: its linear part.
-        process: what it drives.
-        chain: from a course of the law's output to that of the bend, period by period [rad].
-        period_s: of the law [s].
+        law: linear part of the controller.
+        process: the controlled process.
+        chain: maps a history of the controller's output to that of the bend, tick by tick [rad].
+        period_s: control period [s].
 
     Returns:
-        The oscillation; None where none is found.
+        The oscillation; None if none is found.
     """
 
     def residual(x: Vector) -> Vector:
@@ -223,16 +224,16 @@ def ringing(
 def wiener_floor(
     speed_rms: float, cutoff_hz: float, horizon_s: float, noise: float, frame_s: float = 0.04
 ) -> float:
-    """Least rms error of any prediction of a random target, in the units of the speed.
+    """Smallest rms error of any prediction of a random target, in the unit of the position.
 
-    The target is white noise through x'' + 2 z w x' + w^2 x with z = 1/sqrt(2), seen with noise;
-    the Kalman filter tells it best, and prediction over the horizon loses what comes meanwhile.
+    The target is white noise through x'' + 2 z w x' + w^2 x with z = 1/sqrt(2), observed with
+    noise. The Kalman filter estimates it best; prediction adds the noise over the horizon.
 
     Args:
-        speed_rms: rms speed along one axis.
-        cutoff_hz: of the low-pass [Hz].
-        horizon_s: from exposure to where a command acts [s].
-        noise: standard deviation of each observation, in units of place.
+        speed_rms: rms speed along one axis, in units of position per second.
+        cutoff_hz: cut-off frequency of the low-pass [Hz].
+        horizon_s: time from exposure to the effect of a command [s].
+        noise: standard deviation of each observation, in units of position.
         frame_s: time between observations [s].
     """
     w = 2 * pi * cutoff_hz
@@ -246,7 +247,7 @@ def wiener_floor(
 
     phi, driven = step(frame_s)
     seen = np.array([[1.0, 0.0]])
-    # dlqe wants E Q E'; what is returned as P is the covariance before each observation.
+    # dlqe expects E Q E'; the P it returns is the covariance before each observation.
     _, before, _ = ct.dlqe(phi, np.eye(2), seen, driven, np.array([[max(noise, 1e-9) ** 2]]))
     gain = before @ seen.T / (seen @ before @ seen.T + noise**2)
     after = before - gain @ seen @ before

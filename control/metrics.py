@@ -1,8 +1,8 @@
 """Scores of a run: how far the target was from the image centre, and what the handles did.
 
-`error_px` is the true error now, at every tick from `scored_from_s` on, also with the target
-outside the picture; `delayed_error_px` is what vision saw, the only one that a bench has. No error
-counts for more than `BEHIND_PX`, nor does a target behind the camera, which has no pixel.
+`error_px` is the present true error, at every tick from `scored_from_s` on, also with the target
+outside the picture; `delayed_error_px` is the error measured by vision, the only one on a bench.
+Errors are limited to `BEHIND_PX`, which is also the error of a target behind the camera.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from endolock.vision.observation import Status
 
 LOCKED_PX = 20.0
 LOCKED_FOR_S = 2.0
-"""The target counts as locked once its error stays below this for so long."""
+"""The target counts as locked once its error has been below this [px] for this time [s]."""
 REVERSAL_RAD = 0.006
-"""A handle has reversed once it moved back by this [rad]: four counts of its encoder."""
+"""Motion back that counts as a reversal of a handle [rad]: four counts of its encoder."""
 EXPOSURE_S = 0.020
-"""Exposure time for which motion blur is stated [s]. Assumed."""
+"""Exposure time for which motion blur is computed [s]. Assumed."""
 BEHIND_PX = 1e4
-"""Error of a target that is not ahead of the camera, and the largest of any [px]. Assumed."""
+"""Error of a target that is not ahead of the camera, and the largest error [px]. Assumed."""
 
 
 def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
@@ -42,10 +42,10 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
 
     Args:
         run: its ticks and frames.
-        calibration: of the tip camera; gives the image centre.
-        scored_from_s: errors, `handle`, `tip` and `blur_px` leave out what is earlier, counted
-            from the first tick [s]; the counts and shares of frames, the lost share and the time
-            to lock are of the whole run.
+        calibration: calibration of the tip camera, for the image centre.
+        scored_from_s: start of errors, `handle`, `tip` and `blur_px`, counted from the first tick
+            [s]; counts and fractions of frames, the lost fraction and the time to lock are of the
+            whole run.
 
     Returns:
         The scores. On a bench, which knows no truth, the true errors are None; the error of vision
@@ -83,7 +83,7 @@ def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
 
 
 def summary(error: Vector) -> ErrorSummary:
-    """Sum errors up: rms, 95th percentile, largest, mean [px], and shares within 20 and 50 px.
+    """Summarise errors: rms, 95th percentile, maximum, mean [px], fractions within 20 and 50 px.
 
     Args:
         error: distances from the image centre, n [px]; every figure is None for n = 0.
@@ -107,7 +107,7 @@ def _extent(error: Vector) -> ErrorExtent:
 
 
 def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> ErrorExtent | None:
-    """Distance of what was accepted from the truth; on a bench from the markers around it."""
+    """Distance of the accepted pixels from the truth; on a bench from the markers around them."""
     error = []
     for s in accepted:
         true = s.truth.target_px if s.truth else s.observation.reference_px
@@ -117,7 +117,7 @@ def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> ErrorExtent | N
 
 
 def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:
-    """First time after which the error stays below the bound for long enough [s]."""
+    """First time after which the error stays below `LOCKED_PX` for `LOCKED_FOR_S` [s]."""
     since: float | None = None
     for tick in ticks:
         if not tick.truth or _radius(calibration, tick.truth.target_px) >= LOCKED_PX:
@@ -151,7 +151,7 @@ def _handle(ticks: Sequence[Tick]) -> HandleScores:
 
 
 def _tip(known: Sequence[TruthSample]) -> TipScores:
-    """True motion of the tip on each axis [deg]: peak to peak, and all of its way."""
+    """True motion of the tip on each axis [deg]: peak to peak, and distance travelled."""
     if not known:
         return TipScores()
     bend = np.degrees([truth.plant.bend_rad for truth in known])

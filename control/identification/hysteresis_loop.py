@@ -1,8 +1,8 @@
-"""What a recorded hysteresis loop says: widths at given bends, and the deadband.
+"""Widths and deadband of a recorded hysteresis loop.
 
 A branch is a stroke of the handle in one direction. The handle angle h(theta) at which it passes a
-bend theta is taken by counting: with the bend rising, the branch's last handle angle less the
-travel during which the bend was above theta. Noise on either side cancels, nothing is smoothed.
+bend theta is found by counting: with the bend rising, it is the branch's last handle angle less the
+travel during which the bend was above theta. Noise on either side cancels; nothing is smoothed.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 from endolock.hw.api import Vector
 
 MIDDLE_RAD = np.radians(10.0)
-"""A deadband is looked for within +- this bend."""
+"""Range of bends, +- this, in which a deadband is searched for [rad]."""
 WINDOW_RAD = np.radians(0.5)
-"""Bend on either side of a deadband that counts as within it [rad]: ten times a tracker's noise."""
+"""Bend on either side of a deadband that counts as inside [rad]: ten times a tracker's noise."""
 FOLLOWED_RAD = np.radians([8.0, 12.0])
-"""Between these bends from where it turned, the bend follows the handle [rad]: before, part of the
-cable still sticks."""
+"""Range of bends after a reversal in which the bend follows the handle [rad]: before it, part of
+the cable still sticks."""
 SMALLEST_RAD = 0.01
-"""Smallest deadband that is told from noise and curvature [rad]."""
+"""Smallest deadband that can be distinguished from noise and curvature [rad]."""
 BESIDE_RAD = np.radians(4.0)
-"""The slopes beside a deadband are taken over this bend [rad]."""
+"""Range of bends over which the slopes beside a deadband are measured [rad]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Branch:
 
     Args:
         handle: handle angles [rad], rising or falling throughout.
-        bend: bends of the same axis at the same moments [rad].
+        bend: bends of the same axis at the same times [rad].
     """
 
     handle: Vector
@@ -45,26 +45,26 @@ class Branch:
             return None
         above = np.where(self.bend == bend_rad, 0.5, self.bend > bend_rad)
         travel = np.sum((above[1:] + above[:-1]) / 2 * np.diff(self.handle))
-        # rising: the last part is above, and ends at the last angle; falling: the first part
+        # rising: the bend is above at the end of the branch; falling: at its start
         rising = self.bend[-1] > self.bend[0]
         return float(self.handle[-1] - travel if rising else self.handle[0] + travel)
 
 
-def width(one: Branch, other: Branch, bend_rad: float) -> float | None:
+def width(falling: Branch, rising: Branch, bend_rad: float) -> float | None:
     """Handle travel between two branches at a bend [rad]; None if one does not pass it."""
-    first, second = one.passes(bend_rad), other.passes(bend_rad)
-    return None if first is None or second is None else abs(first - second)
+    down, up = falling.passes(bend_rad), rising.passes(bend_rad)
+    return None if down is None or up is None else abs(down - up)
 
 
 def lost_after_turn(branch: Branch) -> float | None:
-    """Handle travel after the turn at the start of a branch before the bend follows [rad].
+    """Handle travel after the reversal at the start of a branch before the bend follows [rad].
 
-    The line through the two bends `FOLLOWED_RAD` from the start, carried back to the bend at the
-    start, tells it; None where the bend does not go so far.
+    It is found by extrapolating the line through the two bends `FOLLOWED_RAD` from the start back
+    to the bend at the start; None if the branch is too short.
     """
     start = float(np.mean(branch.bend[:5]))
     near, far = (
-        branch.passes(start + np.copysign(way, branch.bend[-1] - start)) for way in FOLLOWED_RAD
+        branch.passes(start + np.copysign(bend, branch.bend[-1] - start)) for bend in FOLLOWED_RAD
     )
     if near is None or far is None:
         return None
@@ -73,10 +73,10 @@ def lost_after_turn(branch: Branch) -> float | None:
 
 
 def deadband(branch: Branch) -> float:
-    """Handle travel near the middle of a branch during which the bend stands still [rad].
+    """Handle travel near the middle of a branch during which the bend is constant [rad].
 
-    It is the largest jump of h(theta), over what the slopes beside it explain: after a reversal the
-    bend stands still too, but that is at the end of a branch. Zero below `SMALLEST_RAD`.
+    It is the largest jump of h(theta) beyond the slopes on both sides. After a reversal the bend is
+    constant too, but at the end of a branch. Zero below `SMALLEST_RAD`.
     """
     centres = np.arange(-MIDDLE_RAD, MIDDLE_RAD, WINDOW_RAD / 4)
     largest = max(_jump(branch, float(centre)) for centre in centres)

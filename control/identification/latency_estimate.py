@@ -1,15 +1,15 @@
-"""Latency of the video from handle motion against image motion, by cross-correlation.
+"""Latency of the video, by cross-correlation of handle motion and image motion.
 
-While a handle turns one way all the time, the tip follows it without play, whatever the hysteresis:
-where its speed is modulated, so is that of the picture, later by the latency L. With a_k the times
-of delivery and h the handle, the rotation between two frames is
+While a handle moves in one direction, the tip follows it without play for any hysteresis: a
+modulation of its speed appears in the picture after the latency L. With a_k the delivery times and
+h the handle angle, the rotation between two frames is
 
     r_k = g (h(a_k - L) - h(a_k-1 - L)) + noise,
 
-and L is where the correlation of both sides is largest. Between exposures nothing is known of the
-picture, and nothing needs to be: the handle's own history is fine enough. The a_k are taken from
-the line through the times of delivery. Frames near a reversal of the handle are left out. Whole
-strokes, drawn again with repetition, give the interval of 95 %.
+and L maximises the correlation of both sides. The picture is known only at the exposures, which is
+enough because the history of the handle is fine. The a_k are from a line fitted to the delivery
+times. Frames near a reversal of the handle are left out. The 95 % interval is from bootstrap
+samples of whole strokes.
 """
 
 from __future__ import annotations
@@ -21,43 +21,49 @@ import numpy as np
 from endolock.hw.api import Vector
 
 LONGEST_S = 1.5
-"""Longest latency that is looked for [s]."""
+"""Longest latency that is searched for [s]."""
 STEP_S = 0.005
+"""Step of the search [s]."""
 LOST_RAD = 0.95
-"""Handle travel after a reversal that is left out [rad]: the play of any instrument here."""
+"""Handle travel after a reversal that is left out [rad]: the play of all instruments here."""
 SLOW = np.arange(3)
-"""Powers of time that are taken out of each stroke."""
+"""Powers of time that are removed from each stroke."""
 DRAWS = 200
+"""Number of bootstrap samples."""
 
 
 class Latency(NamedTuple):
-    """What was found."""
+    """Result of the estimate."""
 
     latency_s: float
-    """Exposure to delivery, with whatever lag tip and handle have [s]."""
+    """From exposure to delivery, including the lag of tip and handle [s]."""
     ci95_s: tuple[float, float]
-    """Interval of 95 % [s]."""
+    """95 % confidence interval [s]."""
     jitter_s: float
-    """Standard deviation of the times of delivery about an even rate [s]."""
+    """Standard deviation of the delivery times from a constant rate [s]."""
     frame_rate_hz: float
+    """Mean frame rate [Hz]."""
     correlation: float
-    """Of both motions at that latency [1]."""
+    """Correlation of both motions at that latency [1]."""
 
 
-class Strokes(NamedTuple):
-    """Which handle motion is used: at each time the stroke's number, 0 where it is left out."""
+class HandleStrokes(NamedTuple):
+    """Handle motion, divided into strokes."""
 
     t: Vector
+    """Times, m [s]."""
     handle: Vector
+    """Handle angles, m [rad]."""
     stroke: Vector
+    """Number of the stroke, m; 0 where the motion is left out."""
 
 
-def strokes(t: Vector, handle: Vector) -> Strokes:
-    """Number the strokes of a handle that runs to and fro, less the play after each reversal.
+def strokes(t: Vector, handle: Vector) -> HandleStrokes:
+    """Divide back-and-forth motion of a handle into strokes, without the play after reversals.
 
     Args:
         t: times [s].
-        handle: handle angles then [rad].
+        handle: handle angles at these times [rad].
     """
     number, since, direction = 0, handle[0], 0.0
     numbers = np.zeros(len(t))
@@ -71,33 +77,32 @@ def strokes(t: Vector, handle: Vector) -> Strokes:
             extreme = angle
         moved = direction * (angle - since) > LOST_RAD
         numbers[n] = number if direction and moved and angle == extreme else 0
-    return Strokes(t, handle, numbers)
+    return HandleStrokes(t, handle, numbers)
 
 
 def measure(
-    motion: Strokes, delivered: Vector, seq: Vector, rotation: Vector, draws: int = DRAWS
+    motion: HandleStrokes, delivered: Vector, seq: Vector, rotation: Vector, draws: int = DRAWS
 ) -> Latency | str:
-    """Find the latency.
+    """Estimate the latency.
 
     Args:
-        motion: the handle.
-        delivered: times of delivery of frames 0..n [s].
-        seq: their numbers.
-        rotation: rotation of the picture from each frame to the next, n numbers [rad]; NaN where
-            unknown.
-        draws: how many times strokes are drawn again for the interval.
+        motion: motion of the handle.
+        delivered: delivery times of frames 0..n [s].
+        seq: sequence numbers of the frames.
+        rotation: rotation of the picture from each frame to the next, n [rad]; NaN where unknown.
+        draws: number of bootstrap samples.
 
     Returns:
-        The result, or why there is none.
+        The result, or the reason why there is none.
     """
     if not motion.stroke.any():
         return "the handle made no steady stroke; was it free to move?"
     taus = np.arange(-STEP_S, LONGEST_S + STEP_S / 2, STEP_S)  # 0 must not lie at the edge
-    # Exposures are evenly spaced, whatever happens to the frames afterwards: jitter averages out.
+    # Exposures are evenly spaced, so jitter of the delivery averages out.
     period, start = np.polyfit(seq, delivered, 1)
     even = period * seq + start
     early, late = even[:-1], even[1:]
-    sums = []  # anew for each latency, for the stroke that a frame belongs to depends on it
+    sums = []  # for each latency, because the stroke of a frame depends on it
     for tau in taus:
         turned = np.interp(late - tau, motion.t, motion.handle)
         turned -= np.interp(early - tau, motion.t, motion.handle)
@@ -120,20 +125,20 @@ def measure(
     return Latency(best, (float(low), float(high)), jitter, float(1 / period), peak)
 
 
-def _stroke(motion: Strokes, early: Vector, late: Vector) -> Vector:
-    """Stroke in which both times lie; 0 if in none."""
-    places = [np.clip(np.searchsorted(motion.t, t), 0, len(motion.t) - 1) for t in (early, late)]
-    first, last = (motion.stroke[place] for place in places)
+def _stroke(motion: HandleStrokes, early: Vector, late: Vector) -> Vector:
+    """Stroke that contains both times; 0 if there is none."""
+    indices = [np.clip(np.searchsorted(motion.t, t), 0, len(motion.t) - 1) for t in (early, late)]
+    first, last = (motion.stroke[index] for index in indices)
     known = (early >= motion.t[0]) & (late <= motion.t[-1])
     number: Vector = np.where((first == last) & known, first, 0)
     return number
 
 
 def _sums(x: Vector, y: Vector, stroke: Vector, count: int) -> Vector:
-    """Number, and sums of x x, y y and x y, of each stroke, less their slow courses.
+    """Count, and sums of x x, y y and x y, of each stroke, without slow variation.
 
-    Where the wires slip farther the same handle motion bends the tip more: that is no delay, and a
-    parabola over each stroke takes it out.
+    Where more of the wires slips, the same handle motion bends the tip more. That is not a delay; a
+    parabola fitted to each stroke removes it.
     """
     rows = []
     for number in range(1, count + 1):
@@ -149,7 +154,7 @@ def _sums(x: Vector, y: Vector, stroke: Vector, count: int) -> Vector:
 
 
 def _peak(taus: Vector, sums: Vector) -> tuple[float, float]:
-    """Latency of the largest correlation in size, between the steps by a parabola."""
+    """Latency of the largest absolute correlation, interpolated by a parabola."""
     _, xx, yy, xy = sums.T
     r = np.abs(xy) / np.sqrt(np.maximum(xx * yy, 1e-60))
     k = int(np.clip(r.argmax(), 1, len(r) - 2))

@@ -1,4 +1,4 @@
-"""How well a fit of least squares determines what is told of it."""
+"""Parameter uncertainty of a least-squares fit."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from endolock.hw.api import Vector
 
 DETERMINED = 0.05
-"""Largest uncertainty of a parameter that is called determined, of its value: so that two of them
-are 10 %."""
+"""Largest ratio of standard deviation to value of a parameter that is called determined, so that
+two standard deviations are 10 %."""
 NO_EFFECT = 1e-6
-"""Change of the residuals that is none, for a step of a parameter by its scale: a direction without
-effect gets a huge uncertainty, not none."""
+"""Smallest change of the residuals that counts, for a step of a parameter by its scale: a direction
+without effect gets a very large uncertainty instead of an infinite one."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Parameter:
     """One fitted number.
 
     Args:
-        value: in SI units.
-        std: its uncertainty, one standard deviation.
-        determined: whether the log tells it to 10 % with two standard deviations.
+        value: its value, in SI units.
+        std: its standard deviation, in SI units.
+        determined: whether two standard deviations are at most 10 % of the value.
     """
 
     value: float
@@ -33,18 +33,19 @@ class Parameter:
 
 
 class Spread:
-    """Uncertainties around a minimum, from the curvature there.
+    """Uncertainties at a minimum, from the curvature there.
 
-    Neighbouring residuals are alike where the model is wrong: with correlation rho the noise counts
-    (1 + rho)/(1 - rho) times. An error of the model does not average out; it is added as if it all
-    pointed the way of the parameter in question, which n residuals of size e can by e sqrt(n).
+    Neighbouring residuals are correlated where the model is wrong: with correlation rho the noise
+    variance is multiplied by (1 + rho)/(1 - rho). An error of the model does not average out; it is
+    added as if all of it acted along the parameter in question, e sqrt(n) for n residuals of size
+    e.
 
     Args:
         names: names of the fitted numbers, p.
-        residuals: at the minimum, in the order of time, n.
-        jacobian: their derivatives, n x p.
-        scale: likely sizes of the fitted numbers, p.
-        stuck: whether each of them lies on a bound, p; what does is not determined.
+        residuals: residuals at the minimum, in order of time, n.
+        jacobian: derivatives of the residuals, n x p.
+        scale: typical changes of the fitted numbers, p.
+        stuck: whether each of them lies on a bound, p; it is then not determined.
         model_error: rms error of the model, in units of the residuals.
     """
 
@@ -66,11 +67,11 @@ class Spread:
         self._factor = float(np.sqrt(noise + len(residuals) * model_error**2))
 
     def parameter(self, value: float, gradient: Mapping[str, float]) -> Parameter:
-        """Tell one number.
+        """Return one figure with its uncertainty.
 
         Args:
-            value: it, in SI units.
-            gradient: its derivatives by those fitted numbers that it depends on.
+            value: its value, in SI units.
+            gradient: its derivatives by the fitted numbers that it depends on, by name.
         """
         columns = [self._names.index(name) for name in gradient]
         direction = self._root[:, columns] @ np.array(list(gradient.values()))

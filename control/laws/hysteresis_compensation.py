@@ -1,17 +1,17 @@
-"""Feed-forward compensation of hysteresis: a law's handle angles, and half a loop width on top.
+"""Feed-forward compensation of hysteresis: adds half a loop width to a controller's goals.
 
-Where a play of full width w lies between handle and tip, the tip follows v if the handle is at
+With a play of full width w between handle and tip, the tip follows v if the handle is at
 v + (w/2) s, with s = +-1 the direction in which v moves. The thesis' width is 0.2 (eq. 4.5, unit
-not stated; taken as a share of 180 deg), and its form is not in the excerpt. Forms of s here:
+not stated; taken as a fraction of 180 deg), and its form is not in the excerpt. Forms of s here:
 
-    sign    of the speed of v; 0 from where that is slower than `switch_off_rad_s` until it is
-            twice as fast, so that noise does not switch it to and fro
-    play    (v - z)/r, with z the play of half-width r = `reversal_rad` behind v
-    ramp    as sign, but it takes `ramp_s` from one side to the other, and stays where v rests
+    sign    sign of the speed of v; 0 once it is below `switch_off_rad_s` and until it exceeds
+            twice that, so that noise does not toggle it
+    play    (v - z)/r, with z the play of half-width r = `reversal_rad` of v
+    ramp    like sign, but changes sides in `ramp_s`, and stays constant while v is at rest
     smooth  tanh(speed of v / `smooth_rad_s`)
 
-The thesis switches compensation off at rest, once too early (fig. 6.8). Without that a compensation
-wider than the loop rings on an axis whose target rests, as soon as noise has set it off.
+The thesis switches compensation off at rest, once too early (fig. 6.8). Without the switch-off, a
+compensation wider than the loop oscillates on an axis whose target is at rest, started by noise.
 
 Reference:
     G. Tao and P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor
@@ -32,31 +32,34 @@ from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation
 
 ON_OVER_OFF = 2.0
-"""Speed at which v counts as moving again, over the speed below which it rests [1]. Assumed."""
+"""Ratio of the speed above which v counts as moving to that below which it is at rest [1].
+Assumed."""
 SPEED_S = 0.08
-"""Time constant of the speed of v [s]: two frames; without it each frame is a step. Assumed."""
+"""Time constant of the low-pass on the speed of v [s]: two frames, because v moves in steps at
+each frame. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationSettings:
-    """How hysteresis is compensated."""
+    """Form and width of the compensation."""
 
     form: Literal["sign", "play", "ramp", "smooth"] = "sign"
-    """See above. Assumed."""
+    """Form of s, see the module's description. Assumed."""
     width: float = 0.2
-    """Full loop width w at the handle, as a share of 180 deg [1], >= 0. Source: 0.2, thesis
+    """Full loop width w at the handle, as a fraction of 180 deg [1], >= 0. Source: 0.2, thesis
     ch. 6; unit assumed."""
     switch_off_rad_s: float = 0.01
-    """sign, ramp: a slower v rests [rad/s], >= 0. That there is a switch-off: thesis, fig. 6.8.
-    Its size: of 0.005, 0.01, 0.02 and 0.05 the smallest with which an axis whose target rests does
-    not ring at 1 px of noise, ten times that of markers
+    """sign, ramp: speed below which v is at rest [rad/s], >= 0. Source of the switch-off: thesis,
+    fig. 6.8. Its value: of 0.005, 0.01, 0.02 and 0.05 the smallest at which an axis with a target
+    at rest does not oscillate at 1 px of noise, ten times that of markers
     (scripts/studies/controller_calibration.py)."""
     reversal_rad: float = 0.01
-    """play: half-width of the play that finds the direction [rad], > 0. Assumed."""
+    """play: half-width of the play that determines the direction [rad], > 0. Assumed."""
     ramp_s: float = 0.4
-    """ramp: from one side to the other [s], > 0. Assumed."""
+    """ramp: time to change sides [s], > 0. Assumed."""
     smooth_rad_s: float = 0.1
-    """smooth: speed at which three quarters of the compensation are there [rad/s], > 0. Assumed."""
+    """smooth: speed at which three quarters of the compensation are reached [rad/s], > 0.
+    Assumed."""
 
     def __post_init__(self) -> None:
         least = min(self.reversal_rad, self.ramp_s, self.smooth_rad_s)
@@ -72,29 +75,29 @@ class CompensationSettings:
 
 @dataclass
 class Direction:
-    """What one axis remembers of the way its law goes."""
+    """Direction of motion of one axis."""
 
     speed: float = 0.0
-    """Of v, low-passed [rad/s]."""
+    """Speed of v, low-passed [rad/s]."""
     behind: float = 0.0
-    """z of the play form [rad]."""
+    """Output z of the play [rad]."""
     side: float = 0.0
     """s [1]."""
     moving: bool = False
-    """Whether v does not rest."""
+    """Whether v is moving."""
 
 
 def follow(
     settings: CompensationSettings, direction: Direction, before: float, now: float, dt: float
 ) -> float:
-    """Take in one step of v; return the compensation [rad].
+    """Update the direction with one step of v; return the compensation [rad].
 
     Args:
         settings: form and width.
-        direction: of the axis; is renewed.
-        before: v at the last tick [rad].
+        direction: of the axis; is updated.
+        before: v at the previous tick [rad].
         now: v at this tick [rad].
-        dt: time between [s]; 0 in the first tick.
+        dt: time between the ticks [s]; 0 at the first one.
     """
     if dt > 0:
         share = dt / (SPEED_S + dt)
@@ -131,7 +134,7 @@ class SimcHCSettings(CompensationSettings, SimcSettings):
     """Tuning and compensation."""
 
     form: Literal["sign", "play", "ramp", "smooth"] = "smooth"
-    """Assumed: with these gains hard switching chatters."""
+    """Form of s, see the module's description. Assumed: with these gains a sign chatters."""
 
     def __post_init__(self) -> None:
         SimcSettings.__post_init__(self)
@@ -140,25 +143,26 @@ class SimcHCSettings(CompensationSettings, SimcSettings):
 
 @dataclass
 class CompensatedMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
     law: SimcMemory | PIMemory
-    """Of the law that is compensated."""
-    wanted: Pair | None = None
-    """What that law wanted last, v [rad]."""
+    """State of the compensated controller."""
+    goals: Pair | None = None
+    """Last goals of that controller, v [rad]."""
     t: float = 0.0
-    """When [s]."""
+    """Time of these goals [s]."""
     directions: tuple[Direction, Direction] = field(
         default_factory=lambda: (Direction(), Direction())
     )
+    """Directions of up_down and left_right."""
 
 
 class Compensated:
-    """A PI law with compensation.
+    """PI controller with compensation.
 
     Args:
-        law: the law.
-        settings: of the compensation.
+        law: the PI controller.
+        settings: settings of the compensation.
     """
 
     def __init__(self, law: PI, settings: CompensationSettings) -> None:
@@ -167,12 +171,12 @@ class Compensated:
 
     @property
     def gains(self) -> Pair:
-        """Kp [rad/rad] and ki [1/s] in force."""
+        """Kp [rad/rad] and ki [1/s] in use."""
         return self._law.gains
 
     @property
     def memory(self) -> CompensatedMemory:
-        """What the law remembers."""
+        """State of the controller."""
         self._memory.law = self._law.memory
         return self._memory
 
@@ -186,35 +190,36 @@ class Compensated:
         """Compensation of both axes [rad]."""
         half = self._settings.width * pi / 2
         named = zip(AXES, self._memory.directions, strict=True)
-        return {f"compensation_{axis}_rad": half * one.side for axis, one in named}
+        return {f"compensation_{axis}_rad": half * direction.side for axis, direction in named}
 
     def reset(self, state: State) -> None:
-        """Start from where the handles are, uncompensated: nothing is known of the direction."""
+        """Start from the present handle angles, without compensation: the direction is unknown."""
         self._law.reset(state)
         self._memory = CompensatedMemory(self._law.memory)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Ask the law, and compensate; see `Controller.update`."""
-        up_down, left_right = self._law.update(t, state, observation).position
-        wanted, memory = (up_down, left_right), self._memory
-        if memory.wanted is None:
-            for direction, v in zip(memory.directions, wanted, strict=True):
+        """Compensate the goals of the PI controller; see `Controller.update`."""
+        memory = self._memory
+        v_up_down, v_left_right = self._law.update(t, state, observation).position
+        goals = v_up_down, v_left_right
+        if memory.goals is None:
+            for direction, v in zip(memory.directions, goals, strict=True):
                 direction.behind = v
-        dt = 0.0 if memory.wanted is None else t - memory.t
-        before = memory.wanted or wanted
-        one, other = (
+        dt = 0.0 if memory.goals is None else t - memory.t
+        before = memory.goals or goals
+        up_down, left_right = (
             v + follow(self._settings, direction, v_before, v, dt)
-            for direction, v_before, v in zip(memory.directions, before, wanted, strict=True)
+            for direction, v_before, v in zip(memory.directions, before, goals, strict=True)
         )
-        memory.wanted, memory.t = wanted, t
-        return Command(position=(one, other))
+        memory.goals, memory.t = goals, t
+        return Command(position=(up_down, left_right))
 
 
 def pi_hc(calibration: Calibration, settings: PIHCSettings) -> Compensated:
-    """Make the thesis-like PI law with compensation."""
+    """Make the thesis-like PI controller with compensation."""
     return Compensated(PI(calibration, settings), settings)
 
 
 def pi_simc_hc(calibration: Calibration, settings: SimcHCSettings) -> Compensated:
-    """Make the re-tuned PI law with compensation."""
+    """Make the re-tuned PI controller with compensation."""
     return Compensated(SimcPI(calibration, settings), settings)

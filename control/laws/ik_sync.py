@@ -1,8 +1,8 @@
 """Inverse kinematics with time stamps: each frame is related to the handles at its exposure.
 
-Where `ik` mixes the handles of now with the pixel of an old frame, this law looks up where the
-handles were when the frame was exposed, and takes the target's distance from the markers. What is
-left of the latency is that the target moved meanwhile.
+`ik` combines the present handle angles with the pixel of an old frame. This controller uses the
+handle angles at the exposure of the frame, and the target's distance from the markers. The only
+remaining effect of the latency is the target's motion in the meantime.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from endolock.vision.observation import Observation, Status
 
 @dataclass(frozen=True, kw_only=True)
 class IKSyncSettings:
-    """What the law believes."""
+    """Prior knowledge of the controller."""
 
     target_distance_m: float = 0.12
-    """Depth of the target until markers tell it [m], > 0. Source: 12 cm, thesis ch. 6."""
+    """Depth of the target until markers measure it [m], > 0. Source: 12 cm, thesis ch. 6."""
     bend_per_handle: float = linear_process.BEND_PER_HANDLE
     """Bend per handle angle [rad/rad], > 0. Assumed: the slope of the default instrument."""
     settle_s: float = 0.1
-    """Time constant with which the handles go to their aim [s], > 0. Assumed: pixel noise is
-    averaged over two frames, and the loop keeps a gain margin."""
+    """Time constant with which the handles approach their aim [s], > 0. Assumed: averages pixel
+    noise over two frames, and leaves a gain margin."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -39,20 +39,20 @@ class IKSyncSettings:
 
 @dataclass
 class IKSyncMemory(IKMemory):
-    """What the law remembers."""
+    """State of the controller."""
 
     distance_m: float | None = None
-    """Depth of the target, as last told by markers [m]."""
-    past: AngleHistory = field(default_factory=AngleHistory)
-    """Where the handles were."""
+    """Depth of the target, as last measured by markers [m]."""
+    history: AngleHistory = field(default_factory=AngleHistory)
+    """Past handle angles."""
 
 
 class SynchronousIK(InverseKinematics):
-    """Aims at where the target was when it was seen.
+    """Aims at the position of the target at the exposure.
 
     Args:
         calibration: turns pixels into rays.
-        settings: what the law believes; the defaults if None.
+        settings: prior knowledge; the defaults if None.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -69,21 +69,21 @@ class SynchronousIK(InverseKinematics):
         self.memory = IKSyncMemory()
 
     def reset(self, state: State) -> None:
-        """Stay where the handles are."""
+        """Hold the present handle angles."""
         handles = state.position[0], state.position[1]
-        self.memory = IKSyncMemory(handles=handles, aim=handles)
+        self.memory = IKSyncMemory(goals=handles, aim=handles)
 
     def _look(self, state: State, observation: Observation | None) -> None:
-        """Renew the aim with a frame that shows the target; else keep it."""
+        """Update the aim with a frame that shows the target; otherwise keep it."""
         memory, believed = self.memory, self._believed
-        memory.past.append(state)
+        memory.history.append(state)
         if observation is None or observation.status is not Status.TRACKING:
             return
         if isfinite(observation.distance_m):
             memory.distance_m = observation.distance_m
         ray = camera_model.ray(self._calibration, observation.target_px)
         depth = memory.distance_m or believed.target_distance_m
-        then = memory.past.at(observation.t_capture)
+        then = memory.history.at(observation.t_capture)
         memory.aim = aimed(self._geometry, believed.bend_per_handle, then, depth * ray)
 
     def _share(self, dt: float) -> float:

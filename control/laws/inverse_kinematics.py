@@ -1,8 +1,9 @@
-"""Inverse kinematics, the thesis' second law: find the target, then aim at it.
+"""Inverse kinematics, the second controller of the thesis: locate the target, then aim at it.
 
-The bend is taken to be handle x gain, the target to lie at a fixed depth on the ray of its pixel.
-As in the thesis, the handle is that of *now* and the pixel that of an *old* frame, which makes the
-law an integrator around the latency; so it follows its aim with a finite rate.
+The bend is assumed to be handle angle x gain, and the target to lie at a fixed depth on the ray of
+its pixel. As in the thesis, the handle angle is the *present* one and the pixel that of an *old*
+frame, which makes the controller an integrator around the latency; so it approaches its aim at a
+finite rate.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from endolock.vision.observation import Observation, Status
 
 @dataclass(frozen=True, kw_only=True)
 class IKSettings:
-    """What the law believes."""
+    """Prior knowledge of the controller."""
 
     target_distance_m: float = 0.12
-    """Depth of the target, whatever it really is [m], > 0. Source: 12 cm, thesis ch. 6."""
+    """Assumed depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
     bend_per_handle: float = linear_process.BEND_PER_HANDLE
     """Bend per handle angle in the middle of the hysteresis [rad/rad], > 0. Assumed: the slope of
     the default instrument."""
     rate_per_s: float = 1.8
-    """Share of the remaining way that the handles go per second [1/s], > 0. Assumed: pi/4 over
-    0.44 s, the gain margin of 2 of an integrator with the dead time of video, tick and servo. Runs
-    that stand beside the thesis' take a rate calibrated for them
+    """Handle speed per remaining distance to the aim [1/s], > 0. Assumed: pi/4 over 0.44 s, which
+    gives a gain margin of 2 for an integrator with the dead time of video, tick and servo. Runs
+    that are compared with the thesis use a rate calibrated for them
     (scripts/thesis/chapter_runs.py)."""
     measured_distance: bool = False
-    """Whether a depth that is seen replaces the assumed one. Source: not, thesis ch. 6."""
+    """Whether a measured depth replaces the assumed one. Source: no, thesis ch. 6."""
 
     def __post_init__(self) -> None:
         for name in ("target_distance_m", "bend_per_handle", "rate_per_s"):
@@ -43,22 +44,22 @@ class IKSettings:
 
 @dataclass
 class IKMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
-    handles: Pair = (0.0, 0.0)
-    """Where it wants the handles now [rad]."""
+    goals: Pair = (0.0, 0.0)
+    """Goals of the handles [rad]."""
     aim: Pair = (0.0, 0.0)
-    """Where they shall go [rad]."""
+    """Handle angles that would centre the target, approached by the goals [rad]."""
     t: float | None = None
-    """Of the last tick [s]."""
+    """Time of the last tick [s]."""
 
 
 class InverseKinematics:
-    """Aims at where the target seems to be.
+    """Aims at the apparent position of the target.
 
     Args:
         calibration: turns pixels into rays.
-        settings: what the law believes; the defaults if None.
+        settings: prior knowledge; the defaults if None.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -74,54 +75,57 @@ class InverseKinematics:
         self.memory = IKMemory()
 
     def reset(self, state: State) -> None:
-        """Stay where the handles are."""
+        """Hold the present handle angles."""
         handles = state.position[0], state.position[1]
-        self.memory = IKMemory(handles=handles, aim=handles)
+        self.memory = IKMemory(goals=handles, aim=handles)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Aim anew with each frame, and follow; without a target, stay. See `Controller.update`."""
+        """Update the aim with each frame and approach it; hold without a target.
+
+        See `Controller.update`.
+        """
         memory = self.memory
         self._look(state, observation)
         dt = 0.0 if memory.t is None else t - memory.t
         memory.t = t
         share = self._share(dt)
-        (up_down, left_right), (aim_up, aim_right) = memory.handles, memory.aim
-        memory.handles = (
+        (up_down, left_right), (aim_up, aim_right) = memory.goals, memory.aim
+        memory.goals = (
             up_down + share * (aim_up - up_down),
             left_right + share * (aim_right - left_right),
         )
-        return Command(position=memory.handles)
+        return Command(position=memory.goals)
 
     def _look(self, state: State, observation: Observation | None) -> None:
-        """Renew the aim."""
+        """Update the aim."""
         if observation is None:
             return
-        self.memory.aim = self.memory.handles
+        self.memory.aim = self.memory.goals
         if observation.status is Status.TRACKING:
             settings = self._settings
             ray = camera_model.ray(self._calibration, observation.target_px)
-            seen = settings.measured_distance and isfinite(observation.distance_m)
+            measured = settings.measured_distance and isfinite(observation.distance_m)
             self.memory.aim = aimed(
                 self._geometry,
                 settings.bend_per_handle,
                 (state.position[0], state.position[1]),
-                (observation.distance_m if seen else settings.target_distance_m) * ray,
+                (observation.distance_m if measured else settings.target_distance_m) * ray,
             )
 
     def _share(self, dt: float) -> float:
-        """Share of the remaining way that the handles go in a time [1]."""
+        """Fraction of the remaining distance covered in a time [1]."""
         return min(1.0, self._settings.rate_per_s * dt)
 
 
-def aimed(geometry: SectionGeometry, slope: float, handles: Pair, seen: Vector) -> Pair:
-    """Handle angles that point the axis at what is seen with the handles at some angles [rad].
+def aimed(geometry: SectionGeometry, slope: float, handles: Pair, target_m: Vector) -> Pair:
+    """Handle angles that point the axis at a target seen from other handle angles [rad].
 
     Args:
         geometry: lengths of the section.
         slope: bend per handle angle [rad/rad].
-        handles: when it was seen [rad].
-        seen: the target in camera axes [m].
+        handles: handle angles when it was seen [rad].
+        target_m: position of the target in camera axes then [m].
     """
     position, rotation = kinematics.forward(geometry, (slope * handles[0], slope * handles[1]))
-    up_down, left_right = kinematics.aim(geometry, position + rotation @ seen)
+    up_down, left_right = kinematics.aim(geometry, position + rotation @ target_m)
     return up_down / slope, left_right / slope

@@ -1,9 +1,9 @@
-"""The oracle: a floor, not a controller. It is handed the truth, and so has no latency.
+"""Oracle: a lower bound of the error, not a controller. It receives the truth without latency.
 
-It knows the bend and where the target is seen now, follows the target's motion with a parabola,
-and aims at where it will be when a command arrives. The handle angle comes from a hysteresis model
-of the very instrument, run on the measured handles; what the model gets wrong is seen in the true
-bend and added. What is left is the lag of servo and tip, and the model's errors.
+It knows the present bend and pixel of the target, extrapolates the target's motion by a parabola,
+and aims at its position when the command takes effect. The handle angle comes from a hysteresis
+model of the same instrument, run on the measured handle angles and corrected by the true bend. The
+remaining error is from the lag of servo and tip, and from the model.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from endolock.vision import camera_model
 from endolock.vision.observation import Observation
 
 SPAN = 5
-"""So many past places of the target carry the parabola."""
+"""Number of past target positions used for the parabola."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OracleSettings:
-    """What it knows besides."""
+    """Knowledge in addition to the truth."""
 
     plays: Plays = ONE_PLAY
-    """Hysteresis of the instrument; that of the twin in use is given by whoever makes the law."""
+    """Hysteresis of the instrument; the caller gives that of the twin in use."""
     lead_s: float = linear_process.LAG_S + linear_process.COMMAND_DELAY_S
-    """Command to motion [s], >= 0: servo and tip, one and a half control periods."""
+    """Delay from command to motion [s], >= 0: servo and tip, one and a half control periods."""
     correct_s: float = 0.15
-    """Time constant with which the model is corrected [s], > 0. Source: measured; a quicker one
-    rings, for the servo takes 0.18 s through the loop."""
+    """Time constant of the model correction [s], > 0. Source: measured; a shorter one oscillates,
+    because the servo takes 0.18 s through the loop."""
     reversal_rad: float = 0.003
-    """Smaller changes of the wanted bend do not turn the handles back [rad], >= 0. Assumed."""
+    """Changes of the desired bend below this do not reverse the handles [rad], >= 0. Assumed."""
 
     def __post_init__(self) -> None:
         if not (self.lead_s >= 0 and self.correct_s > 0 and self.reversal_rad >= 0):
@@ -49,18 +49,18 @@ class OracleSettings:
 
 @dataclass
 class OracleMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
-    places: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
-    """z_i of the plays of both axes [rad]."""
+    outputs: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
+    """Outputs z_i of the plays of both axes [rad]."""
     offset: Pair = (0.0, 0.0)
     """True bend less that of the model [rad]."""
     targets: list[tuple[float, float, float, float]] = field(default_factory=list)
-    """Times [s] and places of the target in base axes [m]."""
-    wanted: Pair | None = None
-    """Bend that is wanted, behind the play of `reversal_rad` [rad]."""
+    """Times [s] and positions of the target in base axes [m]."""
+    desired_bend: Pair | None = None
+    """Desired bend, after the play of `reversal_rad` [rad]."""
     t: float | None = None
-    """Of the last tick [s]."""
+    """Time of the last tick [s]."""
 
 
 class Oracle:
@@ -68,8 +68,8 @@ class Oracle:
 
     Args:
         calibration: turns true pixels into rays.
-        settings: what it knows of the instrument.
-        truth: tells the truth now.
+        settings: knowledge of the instrument.
+        truth: returns the truth now.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -85,43 +85,43 @@ class Oracle:
         self.memory = OracleMemory()
 
     def reset(self, state: State) -> None:
-        """Start anew; the plays are taken to be centred on the handles."""
+        """Start again, with the plays centred on the handle angles."""
         count = len(self._settings.plays.radii)
-        one, other = ([h] * count for h in state.position)
-        self.memory = OracleMemory(places=(one, other))
+        up_down, left_right = ([h] * count for h in state.position)
+        self.memory = OracleMemory(outputs=(up_down, left_right))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Look at the truth and aim; what vision says is ignored. See `Controller.update`."""
+        """Aim with the truth; the observation is ignored. See `Controller.update`."""
         memory, settings = self.memory, self._settings
         truth = self._truth()
         if np.isfinite(truth.target_px).all() and truth.distance_m > 0:
             ray = camera_model.ray(self._calibration, truth.target_px)
             position, rotation = kinematics.forward(self._geometry, truth.plant.bend_rad)
-            place = position + rotation @ (truth.distance_m * ray)
-            memory.targets = [*memory.targets[1 - SPAN :], (t, *place.tolist())]
+            target = position + rotation @ (truth.distance_m * ray)
+            memory.targets = [*memory.targets[1 - SPAN :], (t, *target.tolist())]
         bend = kinematics.aim(self._geometry, self._ahead(t + settings.lead_s))
         reach = settings.reversal_rad
-        before = memory.wanted or bend
-        one, other = (play_step(w, b, reach) for w, b in zip(before, bend, strict=True))
-        memory.wanted = one, other
+        before = memory.desired_bend or bend
+        up_down, left_right = (play_step(d, b, reach) for d, b in zip(before, bend, strict=True))
+        memory.desired_bend = up_down, left_right
         dt = 0.0 if memory.t is None else t - memory.t
         share = 1.0 if memory.t is None else dt / (settings.correct_s + dt)
         memory.t = t
         handles, offsets = [], []
-        for axis, places in enumerate(memory.places):
-            model = Hysteresis(settings.plays, places)
+        for axis, outputs in enumerate(memory.outputs):
+            model = Hysteresis(settings.plays, outputs)
             missed = truth.plant.bend_rad[axis] - model.follow(state.position[axis])
             offset = memory.offset[axis] + share * (missed - memory.offset[axis])
-            handles.append(model.handle_for(memory.wanted[axis] - offset))
+            handles.append(model.handle_for(memory.desired_bend[axis] - offset))
             offsets.append(offset)
         memory.offset = offsets[0], offsets[1]
         return Command(position=handles)
 
     def _ahead(self, t: float) -> np.ndarray:
-        """Place of the target at a time [m], by a parabola through its last places."""
+        """Position of the target at a time [m], by a parabola through its last positions."""
         if not self.memory.targets:
             return np.array([0.0, 0.0, 1.0])
-        times, *places = np.array(self.memory.targets).T
+        times, *positions = np.array(self.memory.targets).T
         degree = min(2, len(times) - 1)
-        curve = np.polynomial.polynomial.polyfit(times - t, np.array(places).T, degree)
+        curve = np.polynomial.polynomial.polyfit(times - t, np.array(positions).T, degree)
         return np.asarray(curve[0], np.float64)

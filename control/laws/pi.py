@@ -1,12 +1,12 @@
-"""PI control of the pixel error, the thesis' first law.
+"""PI control of the pixel error, the first controller of the thesis.
 
 With e = (-(v - cy), u - cx) / f, the target's offset above and right of the centre in radians,
 
     handle = kp e + I,    I' = ki e,
 
-on both axes alike. The error is held between frames; while the target is not seen, it is nothing.
-I starts at the present handle angle, so that nothing jumps. The gains hold for one distance only: a
-handle moves the picture of a close target more.
+on both axes. The error is held between frames, and is 0 while the target is not seen. I starts at
+the present handle angle, so the start is bumpless. The gains hold for one distance only: the image
+of a close target moves more per handle angle.
 
 Reference:
     S. D. Frijnts, Design of a target lock for an endoscope using TeleFLEX, University of Twente,
@@ -25,13 +25,13 @@ from endolock.vision.observation import Observation, Status
 
 @dataclass(frozen=True, kw_only=True)
 class PISettings:
-    """Gains of the PI law."""
+    """Gains of the PI controller."""
 
     kp: float = 0.1
     """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, on the thesis' stroke peaks
-    and what compensation gains, for 12 cm, among gains with which the tip follows and that leave
-    a gain margin of 1.5 (scripts/studies/controller_calibration.py); its own gains are not in the
-    excerpt."""
+    and its improvement by compensation, for 12 cm, among gains with which the tip follows and that
+    leave a gain margin of 1.5 (scripts/studies/controller_calibration.py); the thesis' own gains
+    are not in the excerpt."""
     ki: float = 1.6
     """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""
 
@@ -44,18 +44,18 @@ class PISettings:
 
 @dataclass
 class PIMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
     integral: Pair = (0.0, 0.0)
-    """[rad]"""
+    """Integral part I [rad]."""
     error: Pair = (0.0, 0.0)
-    """Of the newest frame [rad]; 0 where it did not show the target."""
+    """Error in the newest frame [rad]; 0 if it did not show the target."""
     t: float | None = None
-    """Of the last tick [s]."""
+    """Time of the last tick [s]."""
 
 
 class PI:
-    """PI law on both axes; integration stops on an axis that cannot go further.
+    """PI controller of both axes; the integral of an axis at its limit stops.
 
     Args:
         calibration: turns pixels into angles.
@@ -65,22 +65,22 @@ class PI:
     def __init__(self, calibration: Calibration, settings: PISettings | None = None) -> None:
         self._calibration = calibration
         self.gains = self._gains(settings or PISettings())
-        """kp [rad/rad] and ki [1/s] in force."""
+        """kp [rad/rad] and ki [1/s] in use."""
         self.memory = PIMemory()
 
     def reset(self, state: State) -> None:
-        """Start from where the handles are, without an error."""
+        """Start from the present handle angles, without an error."""
         self.memory = PIMemory(integral=(state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Move the handles against the error of the newest frame; see `Controller.update`."""
+        """Control the error in the newest frame; see `Controller.update`."""
         memory = self.memory
         if observation is not None:
             memory.error = error(self._calibration, observation)
         dt = 0.0 if memory.t is None else t - memory.t
         memory.t = t
         kp, ki = self.gains
-        # An axis that was clipped (+1 from above, -1 from below) integrates only its way back.
+        # An axis clipped at its upper (+1) or lower (-1) limit integrates only away from it.
         up_down, left_right = (
             i if clipped * e > 0 else i + ki * e * dt
             for i, e, clipped in zip(memory.integral, memory.error, state.clipped, strict=True)
@@ -94,7 +94,7 @@ class PI:
 
 
 def error(calibration: Calibration, observation: Observation) -> Pair:
-    """Offset of the target above and right of the centre [rad]; 0 where it is not tracked."""
+    """Offset of the target above and right of the centre [rad]; 0 if it is not tracked."""
     if observation.status is not Status.TRACKING:
         return 0.0, 0.0
     right, down = camera_model.offset(calibration, observation.target_px)

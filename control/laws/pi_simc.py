@@ -1,8 +1,8 @@
-"""PI with gains by the SIMC rules, tuned to the distance and to the latency that is met.
+"""PI with gains by the SIMC rules, tuned to the assumed distance and the measured latency.
 
-The rules want gain, lag and dead time of the loop. The gain follows from the section's lengths and
-the assumed distance, the dead time from the age of the frames themselves, so the law is tuned for
-whatever latency it meets.
+The rules need gain, lag and dead time of the loop. The gain follows from the section's lengths and
+the assumed distance, the dead time from the age of the frames, so the controller tunes itself to
+the present latency.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from endolock.hw.api import Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation
 
 SETTLING = 0.1
-"""Share of the newest frame's age in the mean: jitter averages out."""
+"""Weight of the newest frame's age in the mean, which averages jitter [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimcSettings:
-    """What the tuning believes."""
+    """Assumptions of the tuning."""
 
     target_distance_m: float = 0.12
     """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
     bend_per_handle: float = linear_process.BEND_PER_HANDLE
     """Slope of the transmission [rad/rad], > 0. Assumed."""
     latency_s: float = 0.4
-    """Of the video, until the first frame tells its age [s], >= 0. Source: thesis ch. 7."""
+    """Latency of the video until the first frame [s], >= 0. Source: thesis ch. 7."""
 
     def __post_init__(self) -> None:
         if not min(self.target_distance_m, self.bend_per_handle) > 0 or self.latency_s < 0:
@@ -41,18 +41,18 @@ class SimcSettings:
 
 @dataclass
 class SimcMemory(PIMemory):
-    """What the law remembers."""
+    """State of the controller."""
 
     age_s: float | None = None
-    """Mean age of the frames when they come [s]."""
+    """Mean age of the frames on delivery [s]."""
 
 
 class SimcPI(PI):
-    """PI law that tunes itself to the frames' age.
+    """PI controller that tunes itself to the age of the frames.
 
     Args:
         calibration: turns pixels into angles.
-        settings: what the tuning believes; the defaults if None.
+        settings: assumptions of the tuning; the defaults if None.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -73,12 +73,12 @@ class SimcPI(PI):
         self._tune()
 
     def reset(self, state: State) -> None:
-        """Start from where the handles are; what is known of the video stays."""
+        """Start from the present handle angles, and keep the measured latency."""
         position = state.position[0], state.position[1]
         self.memory = SimcMemory(integral=position, age_s=self.memory.age_s)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Learn from the frame's age, and control; see `Controller.update`."""
+        """Update the gains with the age of the frame, and control; see `Controller.update`."""
         if observation is not None:
             self.memory.age_s = mean_age(self.memory.age_s, t - observation.t_capture)
         self._tune()
@@ -91,5 +91,5 @@ class SimcPI(PI):
 
 
 def mean_age(mean_s: float | None, age_s: float) -> float:
-    """Take the age of one more frame into the mean [s]."""
+    """Return the mean age including one more frame [s]."""
     return age_s if mean_s is None else mean_s + SETTLING * (age_s - mean_s)

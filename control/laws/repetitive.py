@@ -1,12 +1,12 @@
-"""Repetitive control: learn the handle motion of one period, and play it ahead of time.
+"""Repetitive control: learns the handle motion of one period, and replays it ahead of time.
 
-The handles follow a table over the phase of a known period P. Each frame corrects the table where
-the handles then stood, by a share of what the error asks for:
+The handles follow a table over the phase of a known period P. Each frame corrects the table at the
+phase of its exposure, by a fraction of the error:
 
     h(t) = f(t + T),    f(t_frame) += g e(t_frame) / K,
 
-so whatever repeats, hysteresis included, is gone after some periods, whatever the latency. What
-does not repeat is only ever learned too late.
+so all errors that repeat, including hysteresis, vanish after some periods at any latency. Errors
+that do not repeat are learned too late.
 
 Reference:
     S. Hara et al., IEEE Trans. Automatic Control 33(7), 1988; D. A. Bristow et al., IEEE Control
@@ -24,19 +24,20 @@ from endolock.hw.api import Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation, Status
 
 LEAD_S = linear_process.LAG_S + 0.020
-"""A command is seen in the picture so much later [s]: servo and tip, and one control period."""
+"""Delay from a command to the picture [s]: servo and tip, and one control period."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RepetitiveSettings:
-    """What repeats, and how fast it is learned."""
+    """Period, and rate of learning."""
 
     period_s: float
     """Period of the target's motion [s], > 0."""
     learning: float = 0.5
-    """Share g of the error that is corrected each period [1], 0 to 1. Assumed."""
+    """Fraction g of the error that is corrected each period [1], 0 to 1. Assumed."""
     points: int = 96
-    """Of the table, over one period. Assumed: 0.1 s apart for strokes, 0.2 s for the circle."""
+    """Number of points of the table, 8 to 4096. Assumed: 0.1 s apart for strokes, 0.2 s for the
+    circle."""
     target_distance_m: float = 0.12
     """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
     bend_per_handle: float = linear_process.BEND_PER_HANDLE
@@ -53,18 +54,18 @@ class RepetitiveSettings:
 
 @dataclass
 class RepetitiveMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
     up_down: list[float] = field(default_factory=list)
-    """Table of handle angles over the phase [rad]."""
+    """Table of up_down angles over the phase [rad]."""
     left_right: list[float] = field(default_factory=list)
-    """The same of the other handle."""
+    """Table of left_right angles over the phase [rad]."""
     seen_s: float | None = None
-    """Exposure of the newest frame [s]."""
+    """Exposure time of the newest frame [s]."""
 
 
 class Repetitive:
-    """Plays and corrects a table.
+    """Replays and corrects a table.
 
     Args:
         calibration: turns pixels into angles.
@@ -85,20 +86,20 @@ class Repetitive:
         self._fill((0.0, 0.0))
 
     def reset(self, state: State) -> None:
-        """Forget what was learned, and stay where the handles are."""
+        """Fill the table with the present handle angles."""
         self.memory = RepetitiveMemory()
         self._fill((state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Correct the table with each frame that shows the target, and play it.
+        """Correct the table with each frame that shows the target, and replay it.
 
-        See `Controller.update`; an axis that was clipped learns only its way back.
+        See `Controller.update`; an axis at its limit learns only away from it.
         """
         if observation is not None:
             if observation.status is Status.TRACKING:
                 self._learn(observation.t_capture, error(self._calibration, observation), state)
             self.memory.seen_s = observation.t_capture
-        n, share = self._place(t)
+        n, share = self._phase(t)
         tables = (self.memory.up_down, self.memory.left_right)
         up_down, left_right = (
             (1 - share) * table[n] + share * table[(n + 1) % len(table)] for table in tables
@@ -109,23 +110,23 @@ class Repetitive:
         count = self._settings.points
         self.memory.up_down, self.memory.left_right = ([h] * count for h in handles)
 
-    def _place(self, t: float) -> tuple[int, float]:
-        """Point of the table at or before a time, and the share of the way to the next."""
+    def _phase(self, t: float) -> tuple[int, float]:
+        """Index of the table at or before a time, and the fraction to the next index."""
         count = self._settings.points
         phase = t / self._settings.period_s % 1.0 * count
         n = min(int(phase), count - 1)
         return n, phase - n
 
-    def _learn(self, t: float, seen: Pair, state: State) -> None:
+    def _learn(self, t: float, errors: Pair, state: State) -> None:
         settings, before = self._settings, self.memory.seen_s
         since = 0.0 if before is None else min(max(t - before, 0.0), 0.2)
-        # Each point gets all of its correction once a period, however many frames come.
+        # Each point is corrected once per period, at any frame rate.
         step = (
             settings.learning / self._gain * min(1.0, since * settings.points / settings.period_s)
         )
-        n, share = self._place(t - LEAD_S)
+        n, share = self._phase(t - LEAD_S)
         tables = (self.memory.up_down, self.memory.left_right)
-        for table, e, clipped in zip(tables, seen, state.clipped, strict=True):
+        for table, e, clipped in zip(tables, errors, state.clipped, strict=True):
             if clipped * e > 0:
                 continue
             table[n] += step * (1 - share) * e

@@ -1,7 +1,7 @@
-"""Smith predictor: control the error that is left once all commands under way have arrived.
+"""Smith predictor: controls the error that remains once all past commands have taken effect.
 
-A frame of age L tells e(t - L). The handles have moved since, and with the gain K of the process
-the error without the target's own motion is
+A frame of age L shows e(t - L). The handles have moved since; with the gain K of the process and a
+target at rest, the present error is
 
     e_now = e(t - L) - K (h(t) - h(t - L)),        h' = e_now / (K tc),
 
@@ -25,7 +25,7 @@ from endolock.vision.observation import Observation, Status
 
 @dataclass(frozen=True, kw_only=True)
 class SmithSettings:
-    """The model inside, and how fast the loop shall be."""
+    """Internal model, and speed of the loop."""
 
     target_distance_m: float = 0.12
     """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
@@ -33,7 +33,7 @@ class SmithSettings:
     """Slope of the transmission [rad/rad], > 0. Assumed."""
     closed_loop_s: float = 0.2
     """Time constant tc of the loop without dead time [s], > 0. Assumed: half the latency; with
-    hysteresis the gain is far from constant, and a faster loop rings."""
+    hysteresis the gain is not constant, and a faster loop oscillates."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -43,18 +43,18 @@ class SmithSettings:
 
 @dataclass
 class SmithMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
-    handles: Pair = (0.0, 0.0)
-    """Where it wants the handles now [rad]."""
+    goals: Pair = (0.0, 0.0)
+    """Goals of the handles [rad]."""
     error: Pair | None = None
-    """Of the newest frame that showed the target [rad]."""
+    """Error in the newest frame [rad]; None if it did not show the target."""
     then: Pair = (0.0, 0.0)
-    """Where the handles were at its exposure [rad]."""
+    """Handle angles at its exposure [rad]."""
     t: float | None = None
-    """Of the last tick [s]."""
-    past: AngleHistory = field(default_factory=AngleHistory)
-    """Where the handles were."""
+    """Time of the last tick [s]."""
+    history: AngleHistory = field(default_factory=AngleHistory)
+    """Past handle angles."""
 
 
 class Smith:
@@ -62,7 +62,7 @@ class Smith:
 
     Args:
         calibration: turns pixels into angles.
-        settings: the model; the defaults if None.
+        settings: model and speed; the defaults if None.
         geometry: lengths of the section; the defaults if None.
     """
 
@@ -83,37 +83,37 @@ class Smith:
         self.memory = SmithMemory()
 
     def reset(self, state: State) -> None:
-        """Stay where the handles are."""
-        self.memory = SmithMemory(handles=(state.position[0], state.position[1]))
+        """Hold the present handle angles."""
+        self.memory = SmithMemory(goals=(state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Integrate what is left of the newest error; stop without a target.
+        """Integrate the predicted error; hold without a target.
 
         See `Controller.update`.
         """
         memory = self.memory
-        memory.past.append(state)
+        memory.history.append(state)
         if observation is not None:
             memory.error = None
             if observation.status is Status.TRACKING:
                 memory.error = error(self._calibration, observation)
-                memory.then = memory.past.at(observation.t_capture)
+                memory.then = memory.history.at(observation.t_capture)
         dt = 0.0 if memory.t is None else t - memory.t
         memory.t = t
         if memory.error is not None:
             up_down, left_right = (
-                h if clipped * left > 0 else h + dt * left / (self.gain * self.closed_loop_s)
-                for h, left, clipped in zip(
-                    memory.handles, self._left(state, memory.error), state.clipped, strict=True
+                h if clipped * e > 0 else h + dt * e / (self.gain * self.closed_loop_s)
+                for h, e, clipped in zip(
+                    memory.goals, self._remaining(state, memory.error), state.clipped, strict=True
                 )
             )
-            memory.handles = up_down, left_right
-        return Command(position=memory.handles)
+            memory.goals = up_down, left_right
+        return Command(position=memory.goals)
 
-    def _left(self, state: State, seen: Pair) -> Pair:
-        """Error that the handles' motion since the exposure leaves [rad]."""
+    def _remaining(self, state: State, errors: Pair) -> Pair:
+        """Error after the motion of the handles since the exposure [rad]."""
         up_down, left_right = (
             e - self.gain * (now - then)
-            for e, now, then in zip(seen, state.position, self.memory.then, strict=True)
+            for e, now, then in zip(errors, state.position, self.memory.then, strict=True)
         )
         return up_down, left_right

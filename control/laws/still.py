@@ -1,6 +1,6 @@
-"""Holding still: the handles stay where they are when the lock is switched on.
+"""Holding still: the handles keep the angles that they have when the lock is switched on.
 
-What it scores is what doing nothing costs; a law that does worse is worse than none.
+Its score is the cost of doing nothing; a controller with a worse score is worse than none.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from endolock.vision.observation import Observation
 
 @dataclass(frozen=True, kw_only=True)
 class StillSettings:
-    """There is nothing to set."""
+    """No settings."""
 
 
 @dataclass
 class StillMemory:
-    """What the law remembers."""
+    """State of the controller."""
 
-    handles: Pair = (0.0, 0.0)
-    """Where the handles are held [rad]."""
+    goals: Pair = (0.0, 0.0)
+    """Angles at which the handles are held [rad]."""
 
 
 class Still:
-    """Holds the handles, whatever is seen.
+    """Holds the handles.
 
     Args:
-        calibration: not used; every law is made from one.
+        calibration: not used; all controllers are made from one.
         settings: not used.
     """
 
@@ -37,9 +37,9 @@ class Still:
         self.memory = StillMemory()
 
     def reset(self, state: State) -> None:
-        """Hold where the handles are."""
-        self.memory = StillMemory(handles=(state.position[0], state.position[1]))
+        """Hold the present handle angles."""
+        self.memory = StillMemory(goals=(state.position[0], state.position[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Hold; see `Controller.update`."""
-        return Command(position=self.memory.handles)
+        return Command(position=self.memory.goals)

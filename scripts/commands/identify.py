@@ -1,4 +1,4 @@
-"""`endolock identify`: from a slow log of handle and tip to the parameters of the transmission."""
+"""`endolock identify`: parameters of the transmission from a slow log of handle and tip."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ UNITS = {
     "pretension_n": "N",
 }
 LARGEST_SHAFT_DEG = 1080.0
-"""As in a scenario."""
+"""Largest bend of the shaft [deg], the same as in a scenario."""
 MARK = "# Written by endolock identify"
-"""First words of the files that may be written again."""
+"""Start of the files that may be overwritten."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,24 +42,24 @@ class Request:
     """Fit the transmission to a slow log of handle angles and tip bends."""
 
     log: tyro.conf.Positional[Path]
-    """A run folder with a pose tracker, as endolock hysteresis --out leaves it, or a CSV file with
+    """A run folder with a pose tracker, as endolock hysteresis --out writes it, or a CSV file with
     the columns t_s, handle_up_down_rad, handle_left_right_rad, tip_up_down_rad, tip_left_right_rad
     and, if measured at the handle, tension_up_n, _right_n, _down_n, _left_n."""
     base: str = "pretensioned"
-    """Instrument that gives what is not fitted, its geometry above all: a name or a TOML file."""
+    """Instrument for what is not fitted, mainly the geometry: a name or a TOML file."""
     hinges: int = Numerics().hinges
-    """Hinges of the section, both axes together."""
+    """Number of hinges of the section, both axes together."""
     shaft_deg: tyro.conf.DisallowNone[float | None] = None
-    """Bend of the shaft during the log [deg]; else the run folder's, or 180."""
+    """Bend of the shaft during the log [deg]; by default that of the run folder, or 180."""
     out: tyro.conf.DisallowNone[Path | None] = None
-    """File for the fitted instrument; else instrument.toml in the run folder, or beside the CSV
-    file with its name and -instrument.toml."""
+    """File for the fitted instrument; by default instrument.toml in the run folder, or
+    NAME-instrument.toml beside NAME.csv."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the figures there as JSON; - prints them, and nothing else, on standard output."""
+    """Write the record to a file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:
-    """Carry out `endolock identify`; return the exit code."""
+    """Run `endolock identify`; return the exit code."""
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
     with Console(stderr=True).status("fitting; some seconds for a minute of strokes"):
@@ -72,19 +72,19 @@ def main(request: Request) -> int:
 
 
 def perform(request: Request) -> dict[str, Any]:
-    """Fit, and write the instrument's file.
+    """Fit the log, and write the instrument file.
 
     Returns:
-        The record: params {name: {value, std, determined}}, heldout_rms_deg, and besides.
+        The record: params {name: {value, std, determined}}, heldout_rms_deg, and more.
 
     Raises:
-        ConfigError: the log cannot be fitted, or the file not be written; nothing was.
+        ConfigError: the log cannot be fitted, or the file cannot be written.
     """
     base = instrument_files.load(request.base)
     geometry = geometry_of(base, request.hinges)
     log = handle_logs.read(request.log)
     shaft_deg = _shaft_deg(request)
-    target = _target(request)
+    file = _instrument_file(request)
     start = time.perf_counter()
     found = fit(log, geometry)
     wall_s = time.perf_counter() - start
@@ -101,28 +101,26 @@ def perform(request: Request) -> dict[str, Any]:
         "base": request.base,
         "geometry": vars(geometry),
         "wall_s": wall_s,
-        "instrument": str(target),
+        "instrument": str(file),
     }
     fitted = with_cable(base, found.cable, radians(shaft_deg), found.bending_stiffness)
     text = instrument_files.dump(fitted, _header(request, record))
     try:
-        target.write_text(text, encoding="utf-8")
+        file.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(
-            f"cannot write {target}: {error.strerror}", "give another --out"
-        ) from None
+        raise ConfigError(f"cannot write {file}: {error.strerror}", "give another --out") from None
     return record
 
 
 def table(record: dict[str, Any]) -> Table:
-    """Lay a record out for people."""
+    """Lay out a record as a table."""
     result = Table(box=box.SIMPLE_HEAD, padding=(0, 2, 0, 0), title_justify="left")
     result.title = f"transmission of {record['axis']}, shaft at {record['shaft_deg']:g} deg"
     for heading in ("parameter", "value", "+-", "unit", ""):
         result.add_column(heading, justify="right" if heading in ("value", "+-") else "left")
-    for name, told in record["params"].items():
-        known = "" if told["determined"] else "not determined"
-        result.add_row(name, f"{told['value']:.4g}", f"{told['std']:.2g}", UNITS[name], known)
+    for name, figure in record["params"].items():
+        known = "" if figure["determined"] else "not determined"
+        result.add_row(name, f"{figure['value']:.4g}", f"{figure['std']:.2g}", UNITS[name], known)
     result.caption = (
         f"held-out last third: {record['heldout_rms_deg']:.2f} deg rms (fitted part "
         f"{record['fit_rms_deg']:.2f}, noise {record['noise_deg']:.2f}; best play of constant "
@@ -130,7 +128,7 @@ def table(record: dict[str, Any]) -> Table:
     )
     if record["misfit"]:
         result.caption += (
-            "\nthe fit leaves more than the noise: that plant works in another way, or has another "
+            "\nthe residual is larger than the noise: the plant works differently or has another "
             "geometry; nothing is determined"
         )
     result.caption_justify = "left"
@@ -141,50 +139,52 @@ def _shaft_deg(request: Request) -> float:
     if request.shaft_deg is not None:
         if not abs(request.shaft_deg) <= LARGEST_SHAFT_DEG:
             raise ConfigError(
-                f"--shaft-deg {request.shaft_deg:g} is no bend of a shaft",
-                f"give {LARGEST_SHAFT_DEG:g} at most",
+                f"--shaft-deg {request.shaft_deg:g} is out of range",
+                f"use {LARGEST_SHAFT_DEG:g} at most",
             )
         return request.shaft_deg
     if not request.log.is_dir():
         return 180.0
-    told = run_folder.configuration(request.log).get("scenario", {})
-    return float(told.get("shaft_bend_deg", 180.0))
+    scenario = run_folder.configuration(request.log).get("scenario", {})
+    return float(scenario.get("shaft_bend_deg", 180.0))
 
 
-def _target(request: Request) -> Path:
+def _instrument_file(request: Request) -> Path:
     log = request.log
     beside = log.with_name(f"{log.stem}-instrument.toml")
-    usual = log / "instrument.toml" if log.is_dir() else beside
-    target = request.out or usual
-    if target.suffix != ".toml":
-        raise ConfigError(f"--out {target}: give a file that ends in .toml")
-    if not target.parent.is_dir():
-        raise ConfigError(f"--out {target}: there is no folder {target.parent}", "make it first")
-    if target.exists() and not _ours(target):
-        raise ConfigError(f"{target} exists and is not ours", "give another file with --out")
-    return target
+    default = log / "instrument.toml" if log.is_dir() else beside
+    file = request.out or default
+    if file.suffix != ".toml":
+        raise ConfigError(f"--out {file} does not end in .toml", "give a file that does")
+    if not file.parent.is_dir():
+        raise ConfigError(f"--out {file}: there is no folder {file.parent}", "make it first")
+    if file.exists() and not _ours(file):
+        raise ConfigError(
+            f"{file} exists and was not written by endolock identify", "give another --out"
+        )
+    return file
 
 
-def _ours(target: Path) -> bool:
+def _ours(file: Path) -> bool:
     try:
-        return target.read_text("utf-8", errors="replace").startswith(MARK)
-    except OSError:  # a folder, or not for us to read
+        return file.read_text("utf-8", errors="replace").startswith(MARK)
+    except OSError:  # a folder, or not readable
         return False
 
 
 def _header(request: Request, record: dict[str, Any]) -> str:
     fitted = []
-    for name, told in record["params"].items():
-        doubt = "" if told["determined"] else ", not determined"
-        fitted.append(f"  {name} {told['value']:.5g} +- {told['std']:.2g} {UNITS[name]}{doubt}")
+    for name, figure in record["params"].items():
+        doubt = "" if figure["determined"] else ", not determined"
+        fitted.append(f"  {name} {figure['value']:.5g} +- {figure['std']:.2g} {UNITS[name]}{doubt}")
     unknown = "" if "bending_stiffness" in record["params"] else ", and bending_stiffness"
     lines = [
         f"{MARK[2:]} from {request.log.name}: {record['axis']}, shaft at "
         f"{record['shaft_deg']:g} deg.",
         f"Held-out last third {record['heldout_rms_deg']:.3f} deg rms. Fitted:",
         *fitted,
-        f"Everything else is that of {request.base} and held to be true; so is the residual wrap,",
-        f"by which conduit_friction follows from mu_wrap{unknown}.",
-        "Good for this bend of the shaft. A source named below is that of the default.",
+        f"All other values are those of {request.base} and assumed to be true, including the",
+        f"residual wrap by which mu_wrap gives conduit_friction{unknown}.",
+        "Valid for this bend of the shaft. Sources named below are those of the default.",
     ]
     return "\n".join(lines)

@@ -20,20 +20,20 @@ TIME = "t_s"
 HANDLES = tuple(f"handle_{axis}_rad" for axis in AXES)
 BENDS = tuple(f"tip_{axis}_rad" for axis in AXES)
 TENSIONS = tuple(f"tension_{wire}_n" for wire in ("up", "right", "down", "left"))
-"""Columns of a CSV file; the tensions, at the handle, may be missing, all four."""
+"""Columns of a CSV file; the four tensions, at the handle, are optional."""
 
 LARGEST_HANDLE_RAD = 4 * pi
 LARGEST_BEND_RAD = 1.2 * pi
-"""Larger numbers are no radians."""
+"""Larger numbers cannot be radians."""
 GAP_S = 0.5
-"""Longest time without a row [s]; ten rows where they come more seldom than that."""
+"""Longest time without a row [s]; ten rows if they are further apart."""
 LEAST_TRAVEL_RAD = 0.3
 LEAST_BEND_RAD = np.radians(10.0)
-"""What a log must contain, on either side of its turns."""
+"""Smallest motion of handle and tip to either side [rad]."""
 LEAST_CORRELATION = 0.5
-"""Of bend and handle; a loop half as wide as the handle's range still has that."""
+"""Smallest correlation of bend and handle, as of a loop half as wide as the handle's range [1]."""
 LEAST_TURNS = 3
-"""So that the first two thirds hold strokes in both directions."""
+"""Smallest number of reversals, so that the first two thirds contain strokes in both directions."""
 
 
 def read(source: Path) -> HandleLog:
@@ -43,7 +43,7 @@ def read(source: Path) -> HandleLog:
         source: a run folder whose rig had a pose tracker, or a CSV file.
 
     Raises:
-        ConfigError: it is no such thing, or says too little, or what it says cannot be.
+        ConfigError: it is not a log, does not contain enough motion, or has impossible values.
     """
     log = _folder(source) if source.is_dir() else _table(source)
     try:
@@ -54,15 +54,14 @@ def read(source: Path) -> HandleLog:
 
 
 def _folder(source: Path) -> HandleLog:
-    """Handle angles at the times of the tracker's poses."""
+    """Read a run folder; handle angles are interpolated to the times of the tracker's poses."""
     ticks: pa.Table = run_folder.read(source, "ticks")
     columns = ticks["tracked_t"].to_pylist(), ticks["tracked_pose"].to_pylist()
     tracked = {t: pose for t, pose in zip(*columns, strict=True) if t is not None}
     if not tracked:
         raise ConfigError(
-            f"{source} has no poses of a tracker",
-            "record some with endolock hysteresis --out DIR, "
-            "or with a scenario that has a [tracker]",
+            f"{source} has no poses from a tracker",
+            "record some with endolock hysteresis --out DIR, or use a scenario with a [tracker]",
         )
     times, vectors = np.array(list(tracked)), []
     for x, y, z, *quaternion in tracked.values():
@@ -90,12 +89,12 @@ def _table(source: Path) -> HandleLog:
         ) from None
     names = [name.strip() for name in head]
     if not any(names):
-        raise ConfigError(f"{source} begins with an empty line", "give a CSV file with a header")
-    for wanted in (TIME, *HANDLES, *BENDS):
-        if wanted not in names:
-            near = get_close_matches(wanted, names, 1)
+        raise ConfigError(f"{source} starts with an empty line", "give a CSV file with a header")
+    for column in (TIME, *HANDLES, *BENDS):
+        if column not in names:
+            near = get_close_matches(column, names, 1)
             hint = f"; is {near[0]} meant?" if near else f"; it has {', '.join(names)}"
-            raise ConfigError(f"{source} has no column {wanted}{hint}")
+            raise ConfigError(f"{source} has no column {column}{hint}")
     columns: dict[str, list[float]] = {name: [] for name in names}
     for line, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
@@ -122,27 +121,27 @@ def _number(source: Path, line: int, name: str, cell: str) -> float:
 
 
 def _check(log: HandleLog) -> None:
-    """See that a log can be fitted; the message lacks the file's name."""
+    """Check that a log can be fitted; the messages do not name the file."""
     if len(log.t) < 2:
-        raise ConfigError(f"{len(log.t)} rows", "record some periods of a slow triangle wave")
+        raise ConfigError(f"{len(log.t)} rows", "record several periods of a slow triangle wave")
     steps = np.diff(log.t)
     if (back := int(steps.argmin())) >= 0 and steps[back] <= 0:
         raise ConfigError(
-            f"time does not go on after t = {log.t[back]:g} s", "sort the rows by time"
+            f"time does not increase after t = {log.t[back]:g} s", "sort the rows by time"
         )
     longest = int(steps.argmax())
     if steps[longest] > max(GAP_S, 10 * float(np.median(steps))):
         raise ConfigError(
             f"a gap of {steps[longest]:.2f} s after t = {log.t[longest]:g} s",
-            "record it again, or give the longer part on one side of it",
+            "record it again, or use the longer part",
         )
     _check_radians("handle angles", log.handle, LARGEST_HANDLE_RAD)
     _check_radians("tip bends", log.bend, LARGEST_BEND_RAD)
     if log.tension is not None and log.tension.min() < -0.05 * np.ptp(log.tension):
-        raise ConfigError("tensions go below zero, but wires only pull", "check sign and zero")
+        raise ConfigError("tensions are negative, but wires can only pull", "check sign and zero")
     if log.tension is not None and not log.tension[:, [log.axis, log.axis + 2]].max() > 0:
         raise ConfigError(
-            f"the tensions of the {AXES[log.axis]} wires are never above zero",
+            f"the tensions of the {AXES[log.axis]} wires are all zero",
             "check the load cells, or leave the columns out",
         )
     handle, bend = log.handle[:, log.axis], log.bend[:, log.axis]
@@ -152,8 +151,8 @@ def _check(log: HandleLog) -> None:
     ):
         if np.ptp(values) < 2 * least:
             raise ConfigError(
-                f"the {what} moves by {degrees(np.ptp(values)):.1f} deg in all",
-                f"record strokes of {degrees(least):.0f} deg to either side at least",
+                f"the {what} moves by {degrees(np.ptp(values)):.1f} deg from peak to peak",
+                f"record strokes of at least {degrees(least):.0f} deg to either side",
             )
     alike = float(np.corrcoef(handle, bend)[0, 1])
     if alike < LEAST_CORRELATION:
@@ -164,8 +163,8 @@ def _check(log: HandleLog) -> None:
     turns = _turns(handle)
     if turns < LEAST_TURNS:
         raise ConfigError(
-            f"the handle turns back {turns} times",
-            f"record {LEAST_TURNS} turns or more, a triangle wave of two periods",
+            f"the handle reverses {turns} times",
+            f"record {LEAST_TURNS} reversals or more, such as two periods of a triangle wave",
         )
 
 
@@ -179,7 +178,7 @@ def _check_radians(what: str, values: Vector, largest: float) -> None:
 
 
 def _turns(handle: Vector) -> int:
-    """How often the handle turns back after a stroke of `LEAST_TRAVEL_RAD` or more."""
+    """Number of reversals of the handle after a stroke of `LEAST_TRAVEL_RAD` or more."""
     turns, direction, extreme = 0, 0, float(handle[0])
     for angle in handle[thin(handle, STEP_RAD)].tolist():
         if direction == 0 and abs(angle - extreme) >= LEAST_TRAVEL_RAD:

@@ -119,20 +119,20 @@ def _without_load(rows: Rows) -> Rows:
     [
         (_degrees, "handle angles reach 131.8, more than 12.6 rad: these look like degrees"),
         (_gap, "a gap of 4.20 s after t = 29.9 s"),
-        (_backwards, "time does not go on after t = "),
-        (_one_way, "the handle turns back 0 times; record 3 turns or more"),
+        (_backwards, "time does not increase after t = "),
+        (_one_way, "the handle reverses 0 times; record 3 reversals or more"),
         (_renamed, "has no column tip_up_down_rad; is tip_updown_rad meant?"),
         (_hole, "line 9: tip_up_down_rad is 'nan'; use a finite number"),
-        (_pushing, "tensions go below zero, but wires only pull"),
-        (_without_load, "the tensions of the up_down wires are never above zero"),
+        (_pushing, "tensions are negative, but wires can only pull"),
+        (_without_load, "the tensions of the up_down wires are all zero"),
         (
             lambda rows: rows | {"tip_up_down_rad": -rows["tip_up_down_rad"]},
             "the up_down bend does not follow its handle (correlation -0.9",
         ),
-        (lambda rows: {k: v[:1] for k, v in rows.items()}, "1 rows; record some periods"),
+        (lambda rows: {k: v[:1] for k, v in rows.items()}, "1 rows; record several periods"),
         (
             lambda rows: rows | {"handle_up_down_rad": 0.1 * rows["handle_up_down_rad"]},
-            "the handle moves by 26.4 deg in all; record strokes of 17 deg",
+            "the handle moves by 26.4 deg from peak to peak; record strokes of at least 17 deg",
         ),
         (
             lambda rows: rows | {"tip_up_down_rad": 0.01 * rows["tip_up_down_rad"]},
@@ -144,7 +144,7 @@ def _without_load(rows: Rows) -> Rows:
         ),
     ],
 )
-def test_a_bad_log_gives_one_line_and_leaves_nothing(
+def test_a_bad_log_gives_one_line_and_writes_no_file(
     spoil: Callable[[Rows], Rows],
     message: str,
     tmp_path: Path,
@@ -164,7 +164,7 @@ def test_a_bad_log_gives_one_line_and_leaves_nothing(
         (None, [], "no log at"),
         ("", [], "is empty; give a CSV file with a header"),
         ("\x00\x01", [], "has no column t_s"),
-        ("\n\n", [], "begins with an empty line; give a CSV file with a header"),
+        ("\n\n", [], "starts with an empty line; give a CSV file with a header"),
         ("t_s", ["--base", "oboe"], "instrument 'oboe' is unknown"),
         ("t_s", ["--hinges", "7"], "use lengths above 0 and an even number of hinges"),
     ],
@@ -183,16 +183,21 @@ def test_other_bad_input_gives_one_line(
     assert message in capsys.readouterr().err
 
 
-def test_files_of_others_are_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_files_are_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = _write(_rows(), tmp_path / "bench.csv")
     precious = tmp_path / "mine.toml"
     precious.write_text("slack_m = 0.001\n")
     (tmp_path / "folder.toml").mkdir()
     for target, message in (
-        (tmp_path / "folder.toml", "exists and is not ours; give another file with --out"),
-        (precious, "exists and is not ours; give another file with --out"),
+        (
+            tmp_path / "folder.toml",
+            "exists and was not written by endolock identify; give another --out",
+        ),
+        (precious, "exists and was not written by endolock identify; give another --out"),
         (tmp_path / "nowhere" / "x.toml", "there is no folder"),
-        (tmp_path / "x.txt", "give a file that ends in .toml"),
+        (tmp_path / "x.txt", "does not end in .toml; give a file that does"),
     ):
         assert cli.main(["identify", str(log), "--out", str(target)]) == 2
         assert message in capsys.readouterr().err
@@ -205,7 +210,7 @@ def test_an_impossible_shaft_is_refused(
 ) -> None:
     log = _write(_rows(), tmp_path / "bench.csv")
     assert cli.main(["identify", str(log), "--shaft-deg", shaft]) == 2
-    assert "is no bend of a shaft; give 1080 at most" in capsys.readouterr().err
+    assert "is out of range; use 1080 at most" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [log]
 
 
@@ -217,6 +222,6 @@ def test_a_folder_without_a_tracker_is_refused(
     assert cli.main(run) == 0
     capsys.readouterr()
     assert cli.main(["identify", str(out)]) == 2
-    assert "has no poses of a tracker; record some with endolock hysteresis --out DIR" in (
+    assert "has no poses from a tracker; record some with endolock hysteresis --out DIR" in (
         capsys.readouterr().err
     )
