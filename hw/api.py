@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import atan2, copysign, hypot
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
@@ -20,6 +19,7 @@ from typing import Any, Literal, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from endolock.hw import rotation
 from endolock.hw.errors import CommandError as CommandError
 from endolock.hw.errors import ConfigError as ConfigError
 from endolock.hw.errors import DeviceFault as DeviceFault
@@ -314,24 +314,12 @@ class Pose:
 
         Its first two components are the bend of a section whose tip this is.
         """
-        w, x, y, z = self.quaternion
-        size = hypot(x, y, z)
-        if size == 0.0:
-            return 0.0, 0.0, 0.0
-        scale = 2 * atan2(copysign(size, w), abs(w)) / size
-        return scale * x, scale * y, scale * z
+        return rotation.to_vector(self.quaternion)
 
     @property
     def matrix(self) -> Vector:
         """The orientation as a rotation matrix, 3x3, base_from_body."""
-        w, x, y, z = self.quaternion
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotation.to_matrix(self.quaternion)
 
 
 class PoseTracker(Protocol):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from math import cos, radians, sin
+from math import radians
 
-import mujoco
-import numpy as np
-
+from endolock.hw import rotation
 from endolock.hw.api import Clock, Pose
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.randomness import generator
@@ -52,13 +50,8 @@ class TwinPoseTracker:
             return
         true = self._plant.tip_pose()
         x, y, z = (true.position + shift).tolist()
-        angle = float(np.linalg.norm(turn))
-        axis = turn / angle if angle else turn
-        quaternion = np.empty(4)
-        small = np.array([cos(angle / 2), *(sin(angle / 2) * axis)])
-        mujoco.mju_mulQuat(quaternion, np.array(true.quaternion), small)
-        qw, qx, qy, qz = quaternion.tolist()
-        self._line.append(Pose(t=true.t, position=(x, y, z), quaternion=(qw, qx, qy, qz)))
+        turned = rotation.product(true.quaternion, rotation.from_vector(turn.tolist()))
+        self._line.append(Pose(t=true.t, position=(x, y, z), quaternion=turned))
 
     def latest(self) -> Pose | None:
         """Return the newest pose delivered so far; see `PoseTracker.latest`."""

@@ -93,7 +93,7 @@ class TwinRig(ClosingRig):
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario = loaded(scenario)
+        self.scenario, self.seed = loaded(scenario), seed
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import ceil, cos, exp, hypot, sin
+from math import ceil, exp
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair
-from endolock.hw import boards
+from endolock.hw import boards, rotation
 from endolock.hw.api import AXES, ConfigError, Limits, Plant, Pose, Vector
 from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
@@ -169,7 +169,7 @@ class SurrogatePlant:
     ) -> None:
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
-        self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
+        self.base_from_board = rotation.to_matrix(self._tilt)
         self._distance_m = scenario.board.distance_m
         self._geometry = section_of(instrument)
         self._axes = transmission.at_rest()
@@ -201,18 +201,19 @@ class SurrogatePlant:
 
     def explain(self, moment: Moment) -> tuple[Plant, Vector]:
         """Work a moment out: state of the plant, and the camera's orientation."""
-        position, rotation = kinematics.forward(self._geometry, moment.bend)
+        position, base_from_camera = kinematics.forward(self._geometry, moment.bend)
         x, y, z = position.tolist()
-        turn = _quaternion(moment.bend, self._geometry.misalignment_rad)
+        bent = rotation.from_vector((*moment.bend, 0.0))
+        turn = rotation.about((0.0, 0.0, 1.0), self._geometry.misalignment_rad)
         plant = Plant(
             bend_rad=moment.bend,
-            tip=Pose(t=moment.t, position=(x, y, z), quaternion=turn),
+            tip=Pose(t=moment.t, position=(x, y, z), quaternion=rotation.product(bent, turn)),
             board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
             backbone=position[None],
             tension_handle_n=NO_TENSION,
             tension_section_n=NO_TENSION,
         )
-        return plant, rotation
+        return plant, base_from_camera
 
 
 NO_TENSION = (0.0,) * 4
@@ -300,12 +301,3 @@ def _check(scenario: Scenario) -> None:
                 f"scenario {scenario.name} has [{what}], which a rig without physics does not know",
                 "use --rig twin",
             )
-
-
-def _quaternion(bend: Pair, turn_rad: float) -> tuple[float, float, float, float]:
-    """Unit quaternion, scalar first, of a bend and a turn about the camera's axis before it."""
-    t = hypot(*bend)
-    part = sin(t / 2) / t if t else 0.5
-    w, x, y = cos(t / 2), part * bend[0], part * bend[1]
-    c, s = cos(turn_rad / 2), sin(turn_rad / 2)
-    return w * c, x * c + y * s, y * c - x * s, w * s

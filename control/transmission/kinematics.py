@@ -17,6 +17,7 @@ from math import cos, hypot, sin
 import numpy as np
 
 from endolock.hw.api import Calibration, ConfigError, Vector
+from endolock.hw.rotation import matrix_about_z
 from endolock.vision import camera_model
 
 Pair = tuple[float, float]
@@ -68,8 +69,7 @@ def forward(geometry: SectionGeometry, bend: Pair) -> tuple[Vector, Vector]:
     cross = _cross(up_down, left_right)
     rotation = _SAME + sinc * cross + half * (cross @ cross)
     if turn := geometry.misalignment_rad:
-        c, s = cos(turn), sin(turn)
-        rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        rotation = rotation @ matrix_about_z(turn)
     return position, rotation
 
 

@@ -13,7 +13,8 @@ import pyarrow as pa
 from endolock.control.identification.fits import STEP_RAD
 from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.simulation import thin
-from endolock.hw.api import AXES, ConfigError, Pose, Vector
+from endolock.hw.api import AXES, ConfigError, Vector
+from endolock.hw.rotation import to_vector
 from endolock.scripts.runs import run_folder
 
 TIME = "t_s"
@@ -64,9 +65,8 @@ def _folder(source: Path) -> HandleLog:
             "record some with endolock hysteresis --out DIR, or use a scenario with a [tracker]",
         )
     times, vectors = np.array(list(tracked)), []
-    for x, y, z, *quaternion in tracked.values():
-        pose = Pose(t=0.0, position=(x, y, z), quaternion=tuple(quaternion))
-        vectors.append(pose.rotation_vector)
+    for _x, _y, _z, *quaternion in tracked.values():
+        vectors.append(to_vector(tuple(quaternion)))
     known = np.array(ticks["state_t"].to_pylist())
     handles = np.array(ticks["position_rad"].to_pylist())
     handle = np.column_stack([np.interp(times, known, column) for column in handles.T])

@@ -16,7 +16,8 @@ from endolock.control.scores import ErrorSummary
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
-from endolock.hw.api import Calibration, Pose, Vector
+from endolock.hw.api import Calibration, Vector
+from endolock.hw.rotation import to_matrix
 from endolock.twin.camera import optics
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
@@ -66,7 +67,7 @@ def places(scenario: Scenario, seed: int) -> Vector:
     course = Course(scenario, seed)
     board = scenario.board
     target = boards.aimed(board.kind, board.target).target
-    turn = Pose(t=0.0, position=(0, 0, 0), quaternion=board.quaternion).matrix
+    turn = to_matrix(board.quaternion)
     on_board = turn @ np.array([*target, 0.0])
     found = []
     for t in np.arange(scenario.scored_from_s, scenario.duration_s + STEP_S / 2, STEP_S).tolist():

@@ -122,18 +122,3 @@ def test_watching_changes_nothing_else() -> None:
         return [*found, (-1, rig.plant.board_position()[0])]
 
     assert frames(watched) == frames(plain)
-
-
-@given(x=st.floats(-1, 1), y=st.floats(-1, 1), z=st.floats(-1, 1), angle=st.floats(1e-6, pi - 1e-6))
-def test_a_rotation_vector_is_axis_times_angle(x: float, y: float, z: float, angle: float) -> None:
-    axis = np.array([x, y, z])
-    if (size := float(np.linalg.norm(axis))) < 1e-3:
-        return
-    axis /= size
-    turn = (float(np.cos(angle / 2)), *(np.sin(angle / 2) * axis).tolist())
-    for sign in (1.0, -1.0):  # both quaternions mean the same
-        w, qx, qy, qz = (sign * q for q in turn)
-        pose = Pose(t=0.0, position=(0, 0, 0), quaternion=(w, qx, qy, qz))
-        assert pose.rotation_vector == pytest.approx(angle * axis, abs=1e-9)  # rounding
-    still = Pose(t=0.0, position=(0, 0, 0), quaternion=(1, 0, 0, 0))
-    assert still.rotation_vector == (0, 0, 0)

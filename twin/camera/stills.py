@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from endolock.hw import boards
+from endolock.hw import boards, rotation
 from endolock.hw.api import Frame, Image, Vector
 from endolock.hw.lifecycle import Closing
 from endolock.twin.camera import optics, renderer, stage
@@ -106,11 +106,6 @@ class Studio(Closing):
 def _rotation(place: Place) -> Vector:
     """Camera_from_board, 3x3."""
     axis, tilt, roll = (radians(a) for a in (place.axis_deg, place.tilt_deg, place.roll_deg))
-    rotation = np.empty(9)
-    turn = np.empty(4)
-    mujoco.mju_axisAngle2Quat(turn, np.array([cos(axis), -sin(axis), 0.0]), tilt)
-    mujoco.mju_quat2Mat(rotation, turn)
-    c, s = cos(roll), sin(roll)
-    around = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    tilted: Vector = rotation.reshape(3, 3) @ around
-    return tilted
+    tilted = rotation.to_matrix(rotation.about((cos(axis), -sin(axis), 0.0), tilt))
+    turned: Vector = tilted @ rotation.matrix_about_z(roll)
+    return turned

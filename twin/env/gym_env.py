@@ -20,6 +20,7 @@ from endolock.hw.api import PERIOD_S, ConfigError, Image, Vector
 from endolock.twin.env import target_lock
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.scenario import Scenario
+from endolock.vision.observation import Eyes
 
 try:
     import gymnasium
@@ -57,7 +58,7 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
         scenario: str | Path | Scenario = "straight",
         *,
         pixels: bool = False,
-        eyes: Callable[[TwinRig], target_lock.Eyes] = target_lock.exact_eyes,
+        eyes: Callable[[TwinRig], Eyes] = target_lock.exact_eyes,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):

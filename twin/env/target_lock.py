@@ -18,17 +18,17 @@ Reference:
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, nan
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from endolock.hw.api import PERIOD_S, Command, ConfigError, Frame, Image, State, Vector
+from endolock.hw.api import PERIOD_S, Command, ConfigError, Image, State, Vector
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.scenario import Scenario, loaded
 from endolock.vision import camera_model
+from endolock.vision.observation import Eyes, Status
+from endolock.vision.truth_eyes import TruthEyes
 
 try:
     from dm_control.rl import control
@@ -47,35 +47,10 @@ MARGIN = 2.0
 overshoot stays within, and so does a target found outside the picture."""
 
 
-class Sight(Protocol):
-    """What eyes make of one frame; an `Observation` of our vision is one."""
-
-    @property
-    def t_capture(self) -> float:
-        """When the frame was exposed, as the camera believes [s]."""
-
-    @property
-    def target_px(self) -> tuple[float, float]:
-        """Target (u, v) [px]; NaN where it was not found."""
-
-
-Eyes = Callable[[Frame], Sight]
-"""Look at one frame; called once for every new one."""
-
-
-class _Exact(NamedTuple):
-    t_capture: float
-    target_px: tuple[float, float]
-
-
 def exact_eyes(rig: TwinRig) -> Eyes:
-    """Make eyes that never err: the target's projection at the exposure, where in the picture."""
-
-    def look(frame: Frame) -> Sight:
-        sample = rig.truth.at_exposure(frame.seq)
-        return _Exact(frame.t_capture, sample.target_px if sample.in_picture else (nan, nan))
-
-    return look
+    """Make eyes that need no pictures, with the noise `camera.truth_noise_px` of the scenario."""
+    noise_px = rig.scenario.camera.truth_noise_px
+    return TruthEyes(rig.truth, noise_px, generator(rig.seed, "vision.noise"))
 
 
 class Physics(control.Physics):  # type: ignore[misc]  # dm-control is untyped
@@ -177,12 +152,12 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
             assert frame.image is not None
             self._picture, self._seen_at = frame.image, frame.t_capture
             return
-        sight, calibration = self._eyes(frame), rig.camera.calibration
-        self._tracking = isfinite(sight.target_px[0])
+        observation, calibration = self._eyes(frame), rig.camera.calibration
+        self._tracking = observation.status is Status.TRACKING
         if self._tracking:
-            right, down = camera_model.offset(calibration, sight.target_px)
+            right, down = camera_model.offset(calibration, observation.target_px)
             self._error = (-down / calibration.focal_px, right / calibration.focal_px)
-            self._seen_at = sight.t_capture
+            self._seen_at = observation.t_capture
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
         """Return the handle goals that are possible [rad]."""

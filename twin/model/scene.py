@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from endolock.hw import boards
+from endolock.hw import boards, rotation
 from endolock.hw.api import BoardGeometry, ConfigError, Image, Vector
 from endolock.twin.model import drawing, section, tissue
 from endolock.twin.world.instrument import Instrument, Numerics
@@ -227,12 +227,10 @@ def set_light(
         spec.material(name).emission = back
 
 
-def board_quaternion(base_from_board: Vector) -> Vector:
+def board_quaternion(base_from_board: Vector) -> rotation.Quaternion:
     """Return the orientation of the board's body in the world, for its mocap."""
     facing = np.diag([1.0, -1.0, -1.0])  # the body has x right, y up, z towards the camera
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, (WORLD_FROM_BASE @ base_from_board @ facing).ravel())
-    return quaternion
+    return rotation.from_matrix(WORLD_FROM_BASE @ base_from_board @ facing)
 
 
 def build_alone(folder: Path) -> mujoco.MjSpec:

@@ -9,10 +9,10 @@ h cos(q/2) -+ 2 r sin(q/2) long, one across it h cos(q/2).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
 
 import numpy as np
 from scipy.optimize import root
+from scipy.spatial.transform import Rotation
 
 from endolock.control.transmission import cable
 from endolock.hw.api import Vector
@@ -133,7 +133,7 @@ def static_hinges(
         for n in range(hinges):
             turned.append(rotation @ axes[n])
             pivots.append(place)
-            rotation = rotation @ _rotation(axes[n], q[n])
+            rotation = rotation @ Rotation.from_rotvec(q[n] * axes[n]).as_matrix()
             centres.append(place + rotation @ [h / 2, 0.0, 0.0])
             place = place + rotation @ [h, 0.0, 0.0]
         # the tip's weight lies midway between the ends of its cylinder, see section.py
@@ -164,10 +164,3 @@ def static_hinges(
 
     found = root(moments, np.zeros(hinges), tol=1e-14)
     return np.asarray(found.x)
-
-
-def _rotation(axis: Vector, angle: float) -> Vector:
-    """Rotation matrix about a unit axis."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + sin(angle) * cross + (1 - cos(angle)) * (cross @ cross))

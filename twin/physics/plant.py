@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from endolock.hw import rotation
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
 from endolock.twin.camera import stage
 from endolock.twin.model import scene, wire_springs
@@ -55,7 +55,7 @@ class TwinPlant:
         self.instrument = instrument
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
-        self.base_from_board = Pose(t=0.0, position=(0, 0, 0), quaternion=self._tilt).matrix
+        self.base_from_board = rotation.to_matrix(self._tilt)
         self._distance_m = scenario.board.distance_m
         spec = stage.build(scenario, instrument, numerics)
         if scenario.gravity:
@@ -112,8 +112,8 @@ class TwinPlant:
         """Let shaft, tip force and wire friction follow time and state, as every 10 ms."""
         course, t = self.course, self.t
         if course.turns:
-            half = course.shaft_roll_rad(t) / 2
-            self.data.mocap_quat[self._turning] = cos(half), sin(half), 0.0, 0.0
+            roll = rotation.about((1.0, 0.0, 0.0), course.shaft_roll_rad(t))
+            self.data.mocap_quat[self._turning] = roll
         if course.pushes:
             force = scene.WORLD_FROM_BASE @ course.tip_force(t)
             self.data.xfrc_applied[self._tip, :3] = force
@@ -174,21 +174,20 @@ class TwinPlant:
         """
         tip, base = moment.tip.reshape(3, 3), moment.base.reshape(3, 3)
         backbone = self._with_camera(moment.backbone, tip)
-        bend = _pose(moment.t, backbone[-1], _in_camera_axes(base.T @ tip)).rotation_vector
+        bend = rotation.to_vector(rotation.from_matrix(_in_camera_axes(base.T @ tip)))
         turn = self.instrument.misalignment_rad
-        rotation = _in_camera_axes(tip)
+        base_from_camera = _in_camera_axes(tip)
         if turn:
-            c, s = cos(turn), sin(turn)
-            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            base_from_camera = base_from_camera @ rotation.matrix_about_z(turn)
         plant = Plant(
             bend_rad=bend[:2],
-            tip=_pose(moment.t, backbone[-1], rotation),
+            tip=_pose(moment.t, backbone[-1], base_from_camera),
             board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
             backbone=backbone,
             tension_handle_n=tuple(moment.tensions[0]),
             tension_section_n=tuple(moment.tensions[1]),
         )
-        return plant, rotation
+        return plant, base_from_camera
 
     def tip_pose(self) -> Pose:
         """Return the present pose of the tip as a rigid body, at the camera's place.
@@ -215,13 +214,10 @@ class TwinPlant:
 
 def _in_camera_axes(body: Vector) -> Vector:
     """Turn a rotation in world-like axes (distal, left, up) into one in (right, down, distal)."""
-    rotation: Vector = scene.WORLD_FROM_BASE.T @ body @ scene.WORLD_FROM_BASE
-    return rotation
+    turned: Vector = scene.WORLD_FROM_BASE.T @ body @ scene.WORLD_FROM_BASE
+    return turned
 
 
-def _pose(t: float, position: Vector, rotation: Vector) -> Pose:
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+def _pose(t: float, position: Vector, orientation: Vector) -> Pose:
     x, y, z = position.tolist()
-    qw, qx, qy, qz = quaternion.tolist()
-    return Pose(t=t, position=(x, y, z), quaternion=(qw, qx, qy, qz))
+    return Pose(t=t, position=(x, y, z), quaternion=rotation.from_matrix(orientation))

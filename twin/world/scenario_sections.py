@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from endolock.hw import rotation
 from endolock.hw.files import Section
 from endolock.twin.world.motion import Event, along
 
@@ -33,10 +34,10 @@ class Board(Section):
     """That axis in the picture: 0 right, 90 up [deg]."""
 
     @property
-    def quaternion(self) -> tuple[float, float, float, float]:
+    def quaternion(self) -> rotation.Quaternion:
         """Orientation of the board, base_from_board, scalar first."""
-        axis, half = radians(self.tilt_axis_deg), radians(self.tilt_deg) / 2
-        return cos(half), sin(half) * cos(axis), -sin(half) * sin(axis), 0.0
+        axis = radians(self.tilt_axis_deg)
+        return rotation.about((cos(axis), -sin(axis), 0.0), radians(self.tilt_deg))
 
     @model_validator(mode="after")
     def _target_is_there(self) -> Self:

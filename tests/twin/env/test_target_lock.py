@@ -13,6 +13,7 @@ from endolock.hw.api import CommandError, ConfigError, Frame, Vector
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.vision.marker_eyes import MarkerEyes
+from endolock.vision.observation import Eyes
 from endolock.vision.truth_eyes import TruthEyes
 
 pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
@@ -148,7 +149,7 @@ def test_the_picture_is_late_by_its_age() -> None:
 
 
 def test_the_error_is_above_and_right_and_eyes_agree() -> None:
-    def marker_eyes(rig: TwinRig) -> target_lock.Eyes:
+    def marker_eyes(rig: TwinRig) -> Eyes:
         return MarkerEyes(rig.camera.calibration, rig.board)
 
     right = scenario.load(
@@ -166,6 +167,36 @@ def test_the_error_is_above_and_right_and_eyes_agree() -> None:
         # 20 mm to the right at 120 mm; 0.5 px of 262 px for the markers
         assert observed["target_error"] == pytest.approx((0.0, 0.02 / 0.12), abs=0.002)
         assert observed["tracking"] == 1
+
+
+def test_a_target_behind_an_occluder_is_not_tracked() -> None:
+    plate = {
+        "size_m": [0.02, 0.02],
+        "distance_m": 0.06,
+        "position_m": [0.0, 0.1],
+        "to_m": [0.0, 0.0],
+        "start_s": 0.2,
+        "over_s": 0.2,
+    }
+    covered = scenario.load("rest", {"camera.latency_s": 0.0, "occluder": [plate]})
+    with target_lock.make(covered) as made:
+        steps = _episode(made, np.zeros((30, 2)))
+    tracking = [bool(step.observation["tracking"][0]) for step in steps]
+    # half the plate's 20 mm are over the axis from 0.38 s on; frames come every 0.04 s
+    assert all(tracking[:19])
+    assert not any(tracking[21:])
+
+
+def test_exact_eyes_have_the_noise_of_the_scenario() -> None:
+    pixels = {}
+    for noise_px in (0.0, 3.0):
+        noisy = _load("rest", latency_s=0.0, truth_noise_px=noise_px)
+        with target_lock.make(noisy, seed=5) as made:
+            steps = _episode(made, np.zeros((400, 2)))
+            focal_px = made.physics.rig.camera.calibration.focal_px
+        pixels[noise_px] = focal_px * np.array([s.observation["target_error"] for s in steps[::2]])
+    assert np.ptp(pixels[0.0], axis=0).max() < 0.05  # the section settles by 5 mdeg
+    assert pixels[3.0].std(axis=0) == pytest.approx([3.0, 3.0], rel=0.2)  # 200 frames: 5 % each
 
 
 def test_turning_by_the_error_brings_the_target_nearer() -> None:
