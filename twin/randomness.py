@@ -6,10 +6,10 @@ import numpy as np
 
 
 def generator(seed: int, source: str) -> np.random.Generator:
-    """Make the generator of one named source; switching another one on or off leaves it alone.
+    """Make the generator of one noise source; it does not depend on which other sources are on.
 
     Args:
-        seed: of the run, >= 0.
-        source: name of what is random, for example "camera.jitter".
+        seed: seed of the run, >= 0.
+        source: name of the noise source, for example "camera.jitter".
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(source.encode())))

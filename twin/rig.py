@@ -29,7 +29,7 @@ from endolock.twin.physics import motor
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.pose_tracker import TwinPoseTracker
 from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Scenario, loaded
+from endolock.twin.world.scenario import Scenario, load
 from endolock.vision import camera_model
 
 OVERVIEW_SIZE = (480, 360)
@@ -93,7 +93,7 @@ class TwinRig(ClosingRig):
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario, self.seed = loaded(scenario), seed
+        self.scenario, self.seed = load(scenario), seed
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)

@@ -21,8 +21,9 @@ from endolock.scripts.checks.strokes import (
     turn,
     width,
 )
+from endolock.twin.physics.surrogate_plant import Transmission
 from endolock.twin.rig import TwinRig
-from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world import instrument_files
 from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument, Numerics

@@ -14,9 +14,10 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
 from endolock.twin.hil.hil_rig import HilRig
+from endolock.twin.physics.surrogate_plant import Transmission
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
-from endolock.twin.surrogate import SurrogateRig, Transmission
+from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import NUMERICS, Instrument
 from endolock.twin.world.instrument_cable import transmission_of

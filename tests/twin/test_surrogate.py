@@ -15,8 +15,9 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays
 from endolock.hw.api import Command, ConfigError, Pose
+from endolock.twin.physics.surrogate_plant import Follower
 from endolock.twin.rig import TwinRig
-from endolock.twin.surrogate import Follower, SurrogateRig
+from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world import scenario
 from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument

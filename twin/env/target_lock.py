@@ -25,7 +25,7 @@ import numpy as np
 from endolock.hw.api import PERIOD_S, Command, ConfigError, Image, State, Vector
 from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
-from endolock.twin.world.scenario import Scenario, loaded
+from endolock.twin.world.scenario import Scenario, load
 from endolock.vision import camera_model
 from endolock.vision.observation import Eyes, Status
 from endolock.vision.truth_eyes import TruthEyes
@@ -236,12 +236,12 @@ def make(
     Raises:
         ConfigError: the scenario or the seed cannot be used.
     """
-    task = loaded(scenario)
+    loaded = load(scenario)
     needed = pixels or eyes is not exact_eyes
     taken = needed if pictures is None else pictures
-    periods = round(task.duration_s / PERIOD_S)
+    periods = round(loaded.duration_s / PERIOD_S)
     return Environment(
-        Physics(lambda seed: TwinRig(task, seed=seed, pictures=taken), seed),
+        Physics(lambda seed: TwinRig(loaded, seed=seed, pictures=taken), seed),
         TargetLockTask(None if pixels else eyes),
         time_limit=(periods - 0.5) * PERIOD_S,  # half a period off, where rounding cannot matter
         control_timestep=PERIOD_S,

@@ -34,7 +34,7 @@ from endolock.hw.lifecycle import ClosingRig, close_all
 from endolock.twin.hil.hil_server import Ready, Setup
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Scenario, loaded
+from endolock.twin.world.scenario import Scenario, load
 
 LOCK_STEP_TIMEOUT_S = 2.0
 """Where time stands still while the bus talks, an answer may take as long as a busy machine needs
@@ -77,7 +77,7 @@ class HilRig(ClosingRig):
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
         _need_linux()
-        self.scenario = loaded(scenario)
+        self.scenario = load(scenario)
         made = instrument or Instrument()
         self._far = _Far()
         try:

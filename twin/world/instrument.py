@@ -1,4 +1,4 @@
-"""What the endoscope is made of, and how finely it is simulated: two parameter sets."""
+"""Parameters of the endoscope, and of the resolution of its simulation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAY_BE_ZERO = (
     "sheath_friction_nm",
     "slack_loss_m_per_rad",
 )
-"""Parameters that may be negative, or zero; all others are above zero."""
+"""Parameters that may be negative (`SIGNED`) or zero; all others are above zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class Instrument:
     """Bending section, wires, conduit and handle of one endoscope; the defaults are `pretensioned`.
 
     Sources: *literature* means published data on gastroscopes and colonoscopes in general;
-    *assumed* means a plausible value that nothing at hand confirms.
+    *assumed* means a plausible value that is not confirmed by any measurement.
 
     Raises:
         ConfigError: a value is outside the range that its description states.
@@ -35,48 +35,48 @@ class Instrument:
     __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
 
     bending_length_m: float = 0.075
-    """From the base to the last ring, along the backbone [m], > 0. Assumed, somewhat less than the
+    """From the base to the last ring, along the backbone [m], > 0. Assumed: somewhat less than the
     80-100 mm of gastroscopes in the literature."""
     rigid_tip_m: float = 0.015
-    """Last ring to the camera [m], > 0. Assumed."""
+    """From the last ring to the camera [m], > 0. Assumed."""
     outer_diameter_m: float = 0.0098
-    """Of rings and tip [m], > 0. Literature: gastroscopes 9-13 mm."""
+    """Outer diameter of rings and tip [m], > 0. Literature: gastroscopes 9-13 mm."""
     wire_radius_m: float = 0.0042
-    """Wire holes to the backbone [m], > 0, inside the outer diameter. Assumed."""
+    """Distance of the wire holes from the backbone [m], > 0, inside the outer diameter. Assumed."""
     bending_stiffness: float = 0.05
-    """Moment per bend of the whole section about one axis [N m/rad], > 0. Assumed."""
+    """Bending moment over bend of the whole section about one axis [N m/rad], > 0. Assumed."""
     damping_time_s: float = 0.01
-    """Joint damping over joint stiffness [s], > 0; not above 10 ms, where it would delay the tip.
-    Assumed."""
+    """Joint damping over joint stiffness [s], > 0; at most 10 ms, above which it would delay the
+    tip. Assumed."""
     section_mass_kg: float = 0.012
-    """All rings together [kg], > 0. Assumed: a solid rod of this size at 2.1 g/cm3."""
+    """Mass of all rings together [kg], > 0. Assumed: a solid rod of this size at 2.1 g/cm3."""
     tip_mass_kg: float = 0.003
-    """Rigid tip with its camera [kg], > 0. Assumed."""
+    """Mass of the rigid tip with its camera [kg], > 0. Assumed."""
     sheath_friction_nm: float = 0.0
     """Dry friction of the sheath against bending, per axis [N m], >= 0. Assumed: none."""
     misalignment_rad: float = 0.0
-    """The camera is turned about the optical axis against the wires, clockwise as it looks [rad],
-    within +-pi. Assumed: not at all."""
+    """Rotation of the camera about the optical axis relative to the wires, clockwise as seen by the
+    camera [rad], within +-pi. Assumed: none."""
 
     wire_stiffness: float = 4000.0
-    """One wire with its conduit, end to end, without friction [N/m], > 0. Assumed."""
+    """Stiffness of one wire with its conduit, end to end, without friction [N/m], > 0. Assumed."""
     slack_m: float = -0.00375
     """Free length of each wire at rest, shaft straight [m]; negative is pretension, here 15 N.
     Assumed."""
     slack_loss_m_per_rad: float = 0.0
-    """So much free length the bend of the shaft takes from each wire [m/rad], >= 0. Assumed: none;
-    with some, a slack wire becomes a tight one on the way, the two regions of thesis eq. 3.29."""
+    """Free length that each wire loses per bend of the shaft [m/rad], >= 0. Assumed: none; above
+    zero, a slack wire becomes tight as the shaft bends, the two regions of thesis eq. 3.29."""
     conduit_friction: float = 0.16
-    """Wire against conduit along the shaft, Coulomb [1], >= 0. Assumed, of 0.1-0.2."""
+    """Coulomb friction of wire against conduit along the shaft [1], >= 0. Assumed, from 0.1-0.2."""
     section_friction: float = 0.2
-    """Wire against the rings of the bending section, Coulomb [1], >= 0. Assumed."""
+    """Coulomb friction of wire against the rings of the bending section [1], >= 0. Assumed."""
     residual_wrap_rad: float = 1.0
     """Absolute curvature left in a shaft laid out straight [rad], > 0. Assumed."""
 
     pulley_radius_m: float = 0.005
     """Wire travel per handle angle [m/rad], > 0. Assumed."""
     handle_range_rad: float = 3.141592653589793
-    """Handle angles reach +- this [rad], > 0. Assumed."""
+    """Largest handle angle in both directions [rad], > 0. Assumed."""
     handle_speed_rad_s: float = 3.49
     """Fastest handle motion [rad/s], > 0. Assumed: 33 rpm, a small bus servo under load."""
     handle_torque_nm: float = 2.0
@@ -91,7 +91,7 @@ class Instrument:
     """Motor torque over current [N m/A], > 0, for `State.current`. Data sheet of a Dynamixel
     XM430-W350: stall 4.1 N m at 2.3 A."""
     encoder_step_rad: float = 0.0015339807878856412
-    """Handle position resolution [rad], > 0. Data sheet of the same servo: 4096 counts a turn."""
+    """Handle position resolution [rad], > 0. Data sheet of the same servo: 4096 counts per turn."""
     speed_step_rad_s: float = 0.023980823922402087
     """Handle speed resolution [rad/s], > 0. Data sheet of the same servo: 0.229 rpm."""
     current_step_a: float = 2.69e-3
@@ -138,14 +138,15 @@ class Instrument:
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
-    """How finely the section is cut and stepped; the defaults are the preset `default`."""
+    """Resolution of the simulation in space and time; the defaults are the preset `default`."""
 
     hinges: int = 12
-    """Hinges in all, alternating up_down and left_right; an even number, 2 or more."""
+    """Number of hinges, alternating up_down and left_right; even, 2 or more."""
     timestep_s: float = 0.002
-    """Physics step [s]; the friction refresh of 10 ms is a multiple of it."""
+    """Physics step [s]; the friction update period of 10 ms must be a multiple of it."""
     nodes: int = 1
-    """Friction nodes per wire, 1 to 8: one is exact at the section, several also at the handle."""
+    """Friction nodes per wire, 1 to 8. One gives exact tensions at the section; several also
+    resolve the tension at the handle."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.nodes <= 8:
@@ -164,4 +165,4 @@ NUMERICS = {
     "fast": Numerics(hinges=10, timestep_s=0.005),
     "fidelity": Numerics(hinges=16, timestep_s=0.001, nodes=3),
 }
-"""The presets; any of them goes with any instrument."""
+"""The presets; each can be combined with any instrument."""

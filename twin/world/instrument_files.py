@@ -1,6 +1,7 @@
-"""Instruments as TOML files: those that come with the package, and files of one's own.
+"""Instruments as TOML files: those of the package, and files of your own.
 
-A file gives what differs from the defaults of `Instrument`, in SI units under the same names.
+A file gives the values that differ from the defaults of `Instrument`, in SI units under the same
+names.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ FOLDER = "instruments"
 
 
 def names() -> list[str]:
-    """Names of the instruments that come with the package."""
+    """List the instruments of the package."""
     return files.names(FOLDER)
 
 
@@ -30,10 +31,11 @@ def load(source: str | Path) -> Instrument:
     """Read an instrument.
 
     Args:
-        source: name of one that comes with the package, or a TOML file.
+        source: name of an instrument of the package, or path of a TOML file.
 
     Raises:
-        ConfigError: no such instrument, no TOML, an unknown key, or an impossible value.
+        ConfigError: there is no such instrument, the file is not TOML, a key is unknown, or a value
+            is out of range.
     """
     values, name = files.read("instrument", FOLDER, str(source))
     try:
@@ -47,11 +49,11 @@ def load(source: str | Path) -> Instrument:
 
 
 def dump(instrument: Instrument, header: str) -> str:
-    """Write an instrument as TOML, all values with meaning, unit and source.
+    """Write an instrument as TOML: every value with its meaning, unit and source.
 
     Args:
-        instrument: what to write.
-        header: the comment above, without marks.
+        instrument: the parameters to write.
+        header: the comment at the top, without comment marks.
     """
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
     told = meanings()

@@ -1,4 +1,4 @@
-"""How the board moves within its plane: the kinds of motion that a scenario can add up."""
+"""Kinds of motion of the board within its plane; a scenario adds them up."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _Period = Annotated[float, Field(ge=0.01, le=1e9)]
 
 
 def along(length: float, direction_deg: float) -> Offset:
-    """Return (right, down) of a length in a direction of the picture: 0 right, 90 up [deg]."""
+    """Return (right, down) of a length in a direction in the picture: 0 right, 90 up [deg]."""
     angle = radians(direction_deg)
     return length * cos(angle), -length * sin(angle)
 
 
 class Event(Section):
-    """What happens once, evenly over a time."""
+    """A change that happens once, at a constant rate."""
 
     start_s: float = Field(ge=0, le=86400)
-    """[s]"""
+    """Start [s]."""
     over_s: float = Field(ge=0.001, le=86400)
-    """How long it takes [s]."""
+    """Duration [s]."""
 
     def done(self, t: float) -> float:
-        """Return how much of it is done at time `t` [s]: 0 before, 1 after."""
+        """Return the completed fraction at time `t` [s]: 0 before, 1 after."""
         return min(max((t - self.start_s) / self.over_s, 0.0), 1.0)
 
 
@@ -46,7 +46,7 @@ class Strokes(Section):
     travel_m: _Travel
     """Longest distance from the start [m]."""
     period_s: _Period
-    """Out and back [s]."""
+    """Time of one stroke out and back [s]."""
 
     def offset(self, t: float) -> Offset:
         """Displacement (right, down) at time `t` [m]."""
@@ -57,7 +57,8 @@ class Strokes(Section):
 class Triangle(Section):
     """One-sided strokes along a line at constant speed 2 travel / (period - turn).
 
-    Each turn takes `turn_s`, at constant acceleration; the first begins half done, at rest.
+    Each reversal takes `turn_s`, at constant acceleration; the motion starts at rest, halfway
+    through a reversal.
     """
 
     kind: Literal["triangle"]
@@ -66,9 +67,9 @@ class Triangle(Section):
     travel_m: _Travel
     """Longest distance from the start [m]."""
     period_s: _Period
-    """Out and back [s]."""
+    """Time of one stroke out and back [s]."""
     turn_s: float = Field(default=0.3, ge=0.001)
-    """From full speed one way to full speed the other way [s], half a period or less. Assumed."""
+    """Duration of a reversal from full speed to full speed [s], at most half a period. Assumed."""
 
     @model_validator(mode="after")
     def _turns_fit(self) -> Self:
@@ -82,7 +83,7 @@ class Triangle(Section):
         """Displacement (right, down) at time `t` [m]."""
         speed = 2 * self.travel_m / (self.period_s - self.turn_s)
         since = t % self.period_s
-        since = min(since, self.period_s - since)  # the way back mirrors the way out
+        since = min(since, self.period_s - since)  # the return mirrors the way out
         rest = min(since, self.period_s / 2 - since)  # and its second half the first
         half_turn = self.turn_s / 2
         s = speed * (rest - half_turn / 2 if rest > half_turn else rest**2 / self.turn_s)
@@ -90,13 +91,13 @@ class Triangle(Section):
 
 
 class Circle(Section):
-    """A circle around the optical axis at rest, clockwise in the picture, starting at its right."""
+    """A circle around the optical axis at rest, clockwise in the picture, starting on the right."""
 
     kind: Literal["circle"]
     radius_m: _Travel
-    """[m]"""
+    """Radius [m]."""
     period_s: _Period
-    """Once around [s]."""
+    """Time of one revolution [s]."""
 
     def offset(self, t: float) -> Offset:
         """Displacement (right, down) at time `t` [m]."""
@@ -111,9 +112,9 @@ class Sine(Section):
     direction_deg: float = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
-    """From one end to the other, peak to peak [m]."""
+    """Travel from peak to peak [m]."""
     frequency_hz: float = Field(ge=0, le=100)
-    """[Hz]"""
+    """Frequency [Hz]."""
 
     def offset(self, t: float) -> Offset:
         """Displacement (right, down) at time `t` [m]."""
@@ -121,13 +122,13 @@ class Sine(Section):
 
 
 class Jump(Event):
-    """A move to another place at constant speed, where the board stays."""
+    """A move to another position at constant speed; the board stays there."""
 
     kind: Literal["jump"]
     direction_deg: float = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
-    """[m]"""
+    """Distance [m]."""
 
     def offset(self, t: float) -> Offset:
         """Displacement (right, down) at time `t` [m]."""
@@ -135,10 +136,10 @@ class Jump(Event):
 
 
 class Random(Section):
-    """White noise through a low-pass of second order, x'' + 2 zeta w x' + w^2 x = noise, per axis.
+    """White noise through a second-order low-pass, x'' + 2 zeta w x' + w^2 x = noise, per axis.
 
-    With zeta = 1/sqrt(2) the spectrum of the place is flat up to the cutoff w = 2 pi f and falls as
-    1/(1 + (f/cutoff)^4); rms place = rms speed / w. It has been moving forever when the run starts.
+    With zeta = 1/sqrt(2) the spectrum of the position is flat up to the cutoff w = 2 pi f and falls
+    as 1/(1 + (f/cutoff)^4); rms position = rms speed / w. The motion is stationary from the start.
     """
 
     kind: Literal["random"]
@@ -148,41 +149,41 @@ class Random(Section):
     """Corner frequency of the low-pass [Hz]. Assumed; so is its damping of 1/sqrt(2)."""
 
     def path(self, generator: np.random.Generator) -> RandomPath:
-        """Draw one such motion."""
+        """Draw one realisation of the motion."""
         return RandomPath(self, generator)
 
 
 class RandomPath:
-    """One drawn random motion: samples on a grid, made in order when first asked for.
+    """One realisation of a random motion: samples on a grid, drawn in order when first needed.
 
-    The samples are exact, whatever the grid: s[n+1] = Phi s[n] + L z with Phi = exp(A h) and
-    L L' = P - Phi P Phi', P the stationary covariance. Between them runs the cubic that has place
-    and speed of both neighbours. What is asked for, and in which order, changes no bit.
+    The samples are exact for any grid: s[n+1] = Phi s[n] + L z with Phi = exp(A h) and
+    L L' = P - Phi P Phi', P the stationary covariance. Between samples, a cubic matches position
+    and speed of both neighbours. The result is bit-identical in whatever order times are queried.
 
     Args:
-        random: which motion.
-        generator: of its own; the path draws from it as long as it is used.
+        random: parameters of the motion.
+        generator: random numbers for this path alone; it draws from them as long as it is used.
     """
 
     STEPS_PER_PERIOD = 300
-    """Of the cutoff frequency: 11 ms at 0.3 Hz. The cubic strays from an exact path in between by
-    less than 0.1 % of the rms place."""
+    """Samples per period of the cutoff frequency: one per 11 ms at 0.3 Hz. Between samples the
+    cubic differs from an exact path by less than 0.1 % of the rms position."""
     _CHUNK = 256
 
     def __init__(self, random: Random, generator: np.random.Generator) -> None:
         self._generator = generator
         self._step_s = 1 / (random.cutoff_hz * self.STEPS_PER_PERIOD)
-        # In units of rms place and rms speed P is the identity, and Phi depends on w h alone.
+        # In units of rms position and rms speed P is the identity, and Phi depends on w h alone.
         phase = 2 * pi / self.STEPS_PER_PERIOD
         a, decay = phase / sqrt(2), exp(-phase / sqrt(2))
         self._phi = decay * np.array(
             [[cos(a) + sin(a), sqrt(2) * sin(a)], [-sqrt(2) * sin(a), cos(a) - sin(a)]]
         )
         self._noise = np.linalg.cholesky(np.eye(2) - self._phi @ self._phi.T)
-        rms_place = random.speed_rms_m_s / (2 * pi * random.cutoff_hz)
-        self._scale = np.array([rms_place, rms_place * phase])
-        self._state = generator.standard_normal((2, 2))  # axis; place, speed
-        self._samples = array("d")  # right, speed, down, speed; speeds in metres a step
+        rms_position = random.speed_rms_m_s / (2 * pi * random.cutoff_hz)
+        self._scale = np.array([rms_position, rms_position * phase])
+        self._state = generator.standard_normal((2, 2))  # axis; position, speed
+        self._samples = array("d")  # right, speed, down, speed; speeds in metres per step
         self._keep(self._state[None])
 
     def offset(self, t: float) -> Offset:
@@ -216,7 +217,7 @@ class RandomPath:
 BoardMotion = Annotated[
     Strokes | Triangle | Circle | Sine | Jump | Random, Field(discriminator="kind")
 ]
-"""Any of them; `kind` tells which."""
+"""Any kind of motion, distinguished by `kind`."""
 KINDS: dict[str, type[Section]] = {
     "strokes": Strokes,
     "triangle": Triangle,

@@ -1,4 +1,4 @@
-"""The course of a run: what a scenario says about board, shaft, tip and occluders at a time."""
+"""The course of a run: where board, shaft and occluders are and what pushes the tip at any time."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Point = tuple[float, float, float]
 
 
 class Course:
-    """Answers for every time t >= 0, in any order; nothing changes by asking.
+    """State of the surroundings at any time t >= 0, in any order; queries have no side effects.
 
     Args:
-        scenario: what shall happen.
-        seed: of the random motions, >= 0.
+        scenario: its motions, shaft changes, pushes and occluders are used.
+        seed: seed of the random motions, >= 0.
     """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
@@ -56,13 +56,13 @@ class Course:
     def shaft_roll_rad(self, t: float) -> float:
         """Rotation of the section's base about +z of the base frame, which points distally [rad].
 
-        Positive takes x, right, to y, down: the view turns clockwise, a still scene in it
-        counter-clockwise.
+        A positive angle turns x, right, towards y, down: the camera turns clockwise, a still scene
+        appears to turn counter-clockwise.
         """
         return _sum(self._rolls, t) if self._rolls else 0.0
 
     def tip_force(self, t: float) -> Point:
-        """Force of the pushes on the tip [N]."""
+        """Sum of the pushes on the tip [N]."""
         forces = [push.force(t) for push in self._pushes]
         return sum((f[0] for f in forces), 0.0), sum((f[1] for f in forces), 0.0), 0.0
 
@@ -71,7 +71,7 @@ class Course:
         return tuple(occluder.position(t) for occluder in self._occluders)
 
     def hides(self, t: float, eye: Point, target: Vector) -> bool:
-        """Whether an occluder stands between two points of the base frame."""
+        """Whether an occluder hides a target from an eye; both are points in the base frame [m]."""
         for occluder in self._occluders:
             x, y, z = occluder.position(t)
             ahead = float(target[2]) - eye[2]

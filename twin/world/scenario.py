@@ -1,7 +1,7 @@
-"""What happens in a run, from a TOML file; all of it can be combined.
+"""Scenarios: what happens in a run, from a TOML file; all parts can be combined.
 
-How board, shaft and occluders move, what pushes the tip, what camera and tracker do. Which of it is
-where at a time is told by `course.Course`.
+Motion of board, shaft and occluders, pushes on the tip, settings of camera and pose tracker.
+`playback.Course` evaluates them at a given time.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from endolock.twin.world.scenario_sections import (
 )
 
 FOLDER = "scenarios"
-"""Where those are that come with the package, below `models`."""
+"""Folder of the package's scenarios, below `models`."""
 
 
 class Scenario(Section):
-    """A whole run; every value can be given in a TOML file of the same shape."""
+    """A whole run; every value can be given in a TOML file of the same structure."""
 
     name: str
-    """From the file's name."""
+    """Name, from the file name."""
     summary: str = ""
-    """One line for people."""
+    """One line that describes the scenario."""
     duration_s: float = Field(default=25.0, gt=0, le=86400)
-    """[s]"""
+    """Duration of the run [s]."""
     scored_from_s: float = Field(default=0.0, ge=0)
-    """The score leaves out what comes before [s]."""
+    """Time from which the run is scored [s]."""
     shaft_bend_deg: float = Field(default=180.0, ge=-1080, le=1080)
     """Bend of the shaft at the start, all in one plane [deg]. Assumed."""
     gravity: bool = False
-    """Whether section and tip have weight, down in the picture at rest. Assumed: none."""
+    """Whether section and tip have weight, downwards in the picture at rest. Assumed: no."""
     board: Board = Board()
     light: Light = Light()
     motion: tuple[BoardMotion, ...] = ()
@@ -57,7 +57,7 @@ class Scenario(Section):
     """Plates between tip and board."""
     camera: CameraSettings = CameraSettings()
     tracker: PoseTrackerSettings | None = None
-    """Of the tip's pose; none without this section."""
+    """Pose tracker of the tip; without this section there is none."""
 
     @property
     def period_s(self) -> float | None:
@@ -83,11 +83,12 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "tracker": PoseTrackerSettings,
 }
 LISTS: dict[str, type[BaseModel]] = {"shaft": Shaft, "push": Push, "occluder": Occluder}
-"""What is written [board], and what is written [[shaft]]; [[motion]] has `motion.KINDS`."""
+"""Tables such as [board], and arrays of tables such as [[shaft]]; for [[motion]] see
+`motion.KINDS`."""
 
 
 def names() -> list[str]:
-    """Names of the scenarios that come with the package."""
+    """List the scenarios of the package."""
     return files.names(FOLDER)
 
 
@@ -95,13 +96,16 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
     """Read a scenario, or change one that is loaded.
 
     Args:
-        source: name of one that comes with the package, a TOML file, or a loaded scenario.
-        overrides: values by dotted key, such as {"camera.latency_s": 0.2}; they replace those.
+        source: name of a scenario of the package, path of a TOML file, or a loaded scenario.
+        overrides: values by dotted key, such as {"camera.latency_s": 0.2}; they replace its values.
 
     Raises:
-        ConfigError: no such scenario, no TOML, an unknown key, or a value out of range.
+        ConfigError: there is no such scenario, the file is not TOML, a key is unknown, or a value
+            is out of range.
     """
     if isinstance(source, Scenario):
+        if not overrides:
+            return source
         values, name = source.model_dump(exclude={"name"}), source.name
     else:
         values, name = files.read("scenario", FOLDER, str(source))
@@ -114,27 +118,22 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
             place = place.setdefault(section, {})
             if not isinstance(place, dict):
                 raise ConfigError(
-                    f"scenario {source}: {section} is no section", f"write [{section}]"
+                    f"scenario {source}: {section} is not a section", f"write [{section}]"
                 )
         place[last] = value
     try:
         return Scenario.model_validate({**values, "name": name})
     except ValidationError as error:
-        parts = reversed(list(SECTIONS))  # where several have a key, the first is proposed
+        parts = reversed(list(SECTIONS))  # if several sections have a key, the first is proposed
         elsewhere = {key: f"{part}.{key}" for part in parts for key in _keys((part,))}
         what, next_step = files.first_problem(error, _keys, elsewhere)
         raise ConfigError(f"scenario {name}: {what}", next_step) from None
 
 
-def loaded(source: str | Path | Scenario) -> Scenario:
-    """Return a scenario as it is, or read one that is given by name or file; see `load`."""
-    return source if isinstance(source, Scenario) else load(source)
-
-
 def sources(
     source: str | Path | Scenario, overrides: Mapping[str, Any]
 ) -> dict[str, tuple[Any, str]]:
-    """Say of every value of a scenario where it comes from.
+    """Tell where each value of a scenario comes from.
 
     Args:
         source: as for `load`.
@@ -163,7 +162,7 @@ def schema() -> dict[str, Any]:
 
 
 def _flat(values: Any, prefix: str = "") -> dict[str, Any]:
-    """Give every value one dotted key; list items are numbered."""
+    """Flatten nested values to dotted keys; list items are numbered."""
     items = values.items() if isinstance(values, Mapping) else enumerate(values)
     flat: dict[str, Any] = {}
     for key, value in items:
@@ -173,7 +172,7 @@ def _flat(values: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _keys(place: tuple[str, ...]) -> list[str]:
-    """List the keys that may stand at a place of a scenario file."""
+    """List the keys that are allowed in a section of a scenario file."""
     model: type[BaseModel] = Scenario
     for part in place:
         model = {**SECTIONS, **LISTS, **KINDS}.get(part, model)

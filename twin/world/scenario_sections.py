@@ -16,22 +16,22 @@ _Place = Annotated[float, Field(ge=-10, le=10)]
 
 
 class Board(Section):
-    """Which board, and where it stands before it moves."""
+    """Kind and initial pose of the board."""
 
     distance_m: float = Field(default=0.12, gt=0.005, lt=1.5)
     """Depth ahead of the tip camera at rest [m]. Source: 12 cm, thesis ch. 6."""
     depth_travel_m: float = Field(default=0.0, ge=0, lt=1)
-    """It moves to and fro along the axis, so far from end to end [m]."""
+    """Travel of a sinusoidal motion along the optical axis, peak to peak [m]."""
     depth_period_s: float = Field(default=8.6, ge=0.01, le=1e9)
-    """That takes so long, out and back [s]. Assumed."""
+    """Period of that motion [s]. Assumed."""
     kind: Literal["rings", "tissue", "several"] = "rings"
-    """What is printed in the middle; there are markers around it on each."""
+    """Print in the middle; every board has markers around it."""
     target: int = Field(default=0, ge=0, le=3)
-    """Which patch of the board is the target; only `several` has more than the first, 0."""
+    """Number of the patch that is the target; only `several` has others than 0."""
     tilt_deg: float = Field(default=0.0, ge=-85, le=85)
-    """Turn of the board about an axis in its plane through its centre [deg]."""
+    """Rotation of the board about an axis in its plane through its centre [deg]."""
     tilt_axis_deg: float = 0.0
-    """That axis in the picture: 0 right, 90 up [deg]."""
+    """Direction of that axis in the picture: 0 right, 90 up [deg]."""
 
     @property
     def quaternion(self) -> rotation.Quaternion:
@@ -48,64 +48,64 @@ class Board(Section):
 
 
 class Light(Section):
-    """What the board is seen by; the parts add up."""
+    """Illumination; the parts add up."""
 
     room: float = Field(default=1.0, ge=0, le=4)
-    """Even light from all around, and some from above [1]. Assumed."""
+    """Ambient light, and some from above [1]. Assumed."""
     tip: float = Field(default=1.0, ge=0, le=4)
-    """Light guide beside the camera [1]. Assumed."""
+    """Light guide next to the camera [1]. Assumed."""
     falls_off: bool = False
     """Whether the tip's light falls with the square of the distance, and off its axis; at 50 mm it
-    is as without."""
+    is as bright as without."""
     back: float = Field(default=0.0, ge=0, le=1)
-    """Light that the board itself gives, from behind or as a screen [1]. Assumed."""
+    """Light emitted by the board itself, as if lit from behind or a screen [1]. Assumed."""
 
 
 class CameraSettings(Section):
-    """Tip camera and video chain; all but geometry, rate and latency is ideal by default."""
+    """Tip camera and video chain; by default ideal except for geometry, frame rate and latency."""
 
     width: int = Field(default=640, ge=16, le=4096)
-    """[px]"""
+    """Width of the picture [px]."""
     height: int = Field(default=480, ge=16, le=4096)
-    """[px]"""
+    """Height of the picture [px]."""
     projection: Literal["pinhole", "equidistant"] = "pinhole"
-    """equidistant: a fisheye, its picture is remapped from a wider one; 3 times the time."""
+    """equidistant is a fisheye, remapped from a wider picture; it takes 3 times as long."""
     fovy_deg: float = Field(default=85.0, gt=1, lt=170)
     """Full vertical field of view of a pinhole [deg]. Assumed; f = 262 px at 480 rows."""
     diagonal_deg: float = Field(default=120.0, ge=40, le=150)
     """Full field of view of a fisheye across the corners [deg]. Assumed: 120 and 140 are common."""
     mask: Literal["none", "octagon", "circle"] = "none"
-    """What part of the picture shows anything."""
+    """Visible part of the picture."""
     vignette: float = Field(default=0.0, ge=0, le=1)
-    """Loss of light in the corners [1]; it grows with the fourth power of the radius. Assumed."""
+    """Loss of light in the corners [1], growing with the fourth power of the radius. Assumed."""
     gain: float = Field(default=1.0, gt=0, le=16)
-    """Factor on all brightness; what is above white is cut [1]. Assumed."""
+    """Factor on the brightness; values above white are clipped [1]. Assumed."""
     exposure_s: float = Field(default=0.0, ge=0, le=0.1)
-    """How long a frame is exposed, around its time [s]; 0 gives no motion blur. Assumed."""
+    """Exposure time, centred on the time of the frame [s]; 0 gives no motion blur. Assumed."""
     sub_exposures: int = Field(default=5, ge=1, le=31)
-    """Pictures averaged over an exposure, an odd number; one is drawn where nothing moves by a
-    pixel. Assumed: at 7 px of blur they stand 1.4 px apart."""
+    """Number of pictures averaged over an exposure, odd; one is drawn if nothing moves by a pixel.
+    Assumed: at 7 px of blur they are 1.4 px apart."""
     noise: float = Field(default=0.0, ge=0, le=64)
     """Standard deviation of the sensor's noise [grey levels of 255]. Assumed."""
     jpeg_quality: int = Field(default=0, ge=0, le=100)
-    """Every frame is coded and decoded like a JPEG of that quality; 0: not at all. Assumed."""
+    """Quality at which every frame is JPEG-coded and decoded; 0 for no coding. Assumed."""
     frame_rate_hz: float = Field(default=25.0, gt=0, le=200)
     """Exposures per second [Hz]. Assumed."""
     latency_s: float = Field(default=0.4, ge=0, le=5)
     """Exposure to delivery [s]. Source: 0.4 s loop latency, thesis ch. 7; all of it in the video
     chain: assumed."""
     nominal_latency_s: float | None = Field(default=None, ge=0, le=5)
-    """Latency that the camera believes in [s], and tells the exposure by; the true one if none."""
+    """Latency from which the camera computes the time of exposure [s]; the true one if None."""
     jitter_s: float = Field(default=0.0, ge=0, le=1)
-    """The latency varies evenly by +- this [s]. Assumed."""
+    """Half width of the uniform variation of the latency [s]. Assumed."""
     drop_fraction: float = Field(default=0.0, ge=0, lt=1)
     """Share of the frames that never arrive [1]. Assumed."""
     repeat_fraction: float = Field(default=0.0, ge=0, lt=1)
-    """Share of the frames in place of which the one before is delivered once more [1]. Assumed."""
+    """Share of the frames that are replaced by a copy of the previous one [1]. Assumed."""
 
     truth_noise_px: float = Field(default=0.0, ge=0, le=100)
-    """Standard deviation that eyes without pictures (--vision truth) add to each coordinate [px];
-    pictures have noise of their own."""
+    """Standard deviation of the noise that `--vision truth` adds to each coordinate [px]; pictures
+    have their own noise."""
 
     @model_validator(mode="after")
     def _exposure_fits(self) -> Self:
@@ -120,9 +120,9 @@ class CameraSettings(Section):
 
 
 class PoseTrackerSettings(Section):
-    """An optical tracker of the tip's pose, such as the OptiTrack that the thesis used.
+    """An optical tracker of the tip's pose, such as the OptiTrack system used in the thesis.
 
-    Which model that was is not known here, so all values are assumed: those of a small system.
+    The model used there is not known, so all values are assumed: those of a small system.
     """
 
     rate_hz: float = Field(default=100.0, gt=0, le=1000)
@@ -138,13 +138,13 @@ class PoseTrackerSettings(Section):
 
 
 class Shaft(Event):
-    """A change of the shaft at constant rate; it stays as it is then."""
+    """A permanent change of the shaft, at constant rate."""
 
     kind: Literal["bend", "roll"]
     """bend adds to `shaft_bend_deg`; roll turns the section about the optical axis at rest,
-    clockwise as the camera looks, and so the picture counter-clockwise."""
+    clockwise as seen by the camera, so that the scene appears to turn counter-clockwise."""
     by_deg: float = Field(ge=-1080, le=1080)
-    """[deg]"""
+    """Change [deg]."""
 
 
 class Push(Event):
@@ -162,21 +162,22 @@ class Push(Event):
 
 
 class Occluder(Event):
-    """An opaque plate across the view, moving at constant velocity from one place to another."""
+    """An opaque plate in the view, moving at constant velocity from one position to another."""
 
     size_m: tuple[_Side, _Side]
     """Width and height [m]."""
     look: Literal["plain", "tissue", "decoy"] = "plain"
-    """What is on it: nothing, tissue as on the wall, or a target much like the round one."""
+    """Its texture: none, tissue like the wall, or a target that resembles the round one."""
     distance_m: float = Field(gt=0.002, lt=1.5)
     """Depth ahead of the tip camera at rest [m], less than the board's."""
     position_m: tuple[_Place, _Place]
-    """Centre (right, down) of the optical axis at rest, until the start [m]."""
+    """Position of the centre (right, down) relative to the optical axis at rest, until the start
+    [m]."""
     to_m: tuple[_Place, _Place]
-    """The same in the end [m]."""
+    """Final position of the centre (right, down) [m]."""
 
     def position(self, t: float) -> tuple[float, float, float]:
-        """Place of its centre (right, down, distal) at time `t` [m]."""
+        """Position of its centre (right, down, distal) at time `t` [m]."""
         part = self.done(t)
         (x, y), (to_x, to_y) = self.position_m, self.to_m
         return x + part * (to_x - x), y + part * (to_y - y), self.distance_m

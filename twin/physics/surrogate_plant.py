@@ -1,0 +1,110 @@
+"""The plant of a surrogate: servos, a transmission without time, a section without inertia.
+
+servos (first-order lag) -> transmission -> constant-curvature section
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from endolock.control.transmission import kinematics
+from endolock.control.transmission.kinematics import Pair
+from endolock.hw import rotation
+from endolock.hw.api import Plant, Pose, Vector
+from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument_cable import section_of
+from endolock.twin.world.playback import Course
+from endolock.twin.world.scenario import Scenario
+
+TIMESTEP_S = 0.01
+SERVO_LAG_S = 0.025
+"""Time constant of a handle behind its goal [s]. Source: measured on the twin's servo."""
+NO_TENSION = (0.0,) * 4
+"""A surrogate has no wires."""
+
+
+class Follower(Protocol):
+    """Both axes with their past."""
+
+    def follow(self, handles: Pair) -> Pair:
+        """Turn the handles to their angles [rad]; return the bends [rad]."""
+
+
+class Transmission(Protocol):
+    """What lies between handles and bends: a dataclass of plain values."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def at_rest(self) -> Follower:
+        """Return both axes as they are before the handles turn."""
+
+
+class Moment(NamedTuple):
+    """What the truth follows from."""
+
+    t: float
+    bend: Pair
+    board: tuple[float, float, float]
+
+
+class SurrogatePlant:
+    """Servos, transmission and section.
+
+    Args:
+        scenario: moves the board.
+        transmission: from handles to bends.
+        instrument: gives the lengths.
+        seed: of what is random in the scenario.
+    """
+
+    def __init__(
+        self, scenario: Scenario, transmission: Transmission, instrument: Instrument, seed: int
+    ) -> None:
+        self.course = Course(scenario, seed)
+        self._tilt = scenario.board.quaternion
+        self.base_from_board = rotation.to_matrix(self._tilt)
+        self._distance_m = scenario.board.distance_m
+        self._geometry = section_of(instrument)
+        self._axes = transmission.at_rest()
+        self._keep = exp(-TIMESTEP_S / SERVO_LAG_S)
+        self.goal = self.handles = self.speed = self.bend = (0.0, 0.0)
+        self.step_count = 0
+
+    @property
+    def t(self) -> float:
+        """Present time [s]."""
+        return self.step_count * TIMESTEP_S
+
+    def advance(self, step: int) -> None:
+        """Go up to a grid point; the goals stay."""
+        keep, axes = self._keep, self._axes
+        while self.step_count < step:
+            (a, b), (goal_a, goal_b) = self.handles, self.goal
+            off_a, off_b = keep * (a - goal_a), keep * (b - goal_b)
+            self.handles = goal_a + off_a, goal_b + off_b
+            self.speed = -off_a / SERVO_LAG_S, -off_b / SERVO_LAG_S
+            self.bend = axes.follow(self.handles)
+            self.step_count += 1
+
+    def snapshot(self) -> Moment:
+        """Copy what the truth about this moment follows from."""
+        t = self.t
+        place = *self.course.board(t), self._distance_m + self.course.depth(t)
+        return Moment(t, self.bend, place)
+
+    def explain(self, moment: Moment) -> tuple[Plant, Vector]:
+        """Work a moment out: state of the plant, and the camera's orientation."""
+        position, base_from_camera = kinematics.forward(self._geometry, moment.bend)
+        x, y, z = position.tolist()
+        bent = rotation.from_vector((*moment.bend, 0.0))
+        turn = rotation.about((0.0, 0.0, 1.0), self._geometry.misalignment_rad)
+        plant = Plant(
+            bend_rad=moment.bend,
+            tip=Pose(t=moment.t, position=(x, y, z), quaternion=rotation.product(bent, turn)),
+            board=Pose(t=moment.t, position=moment.board, quaternion=self._tilt),
+            backbone=position[None],
+            tension_handle_n=NO_TENSION,
+            tension_section_n=NO_TENSION,
+        )
+        return plant, base_from_camera
