@@ -1,4 +1,4 @@
-"""What only the simulation knows: exact projections and plant states, now and at each exposure."""
+"""Ground truth of a simulation: exact projections and plant states, now and at each exposure."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from endolock.vision import camera_model
 
 
 class Source(Protocol):
-    """A plant that keeps raw copies of its moments, and works them out when asked."""
+    """A plant that takes raw snapshots and computes the truth from them when needed."""
 
     course: Course
-    """Knows what else is in the way."""
+    """Its occluders may hide the target."""
     base_from_board: Vector
     """Orientation of the board, 3x3."""
 
     def snapshot(self) -> Any:
-        """Copy what the truth about this moment follows from."""
+        """Copy the state from which the truth at this time is computed."""
 
     def explain(self, moment: Any) -> tuple[Plant, Vector]:
-        """Work a copy out: state of the plant, and the tip camera's orientation, 3x3."""
+        """Compute the truth of a snapshot: state of the plant, and camera orientation, 3x3."""
 
 
 class TwinTruth:
-    """Access to the truth of one twin.
+    """Ground truth of one simulated rig.
 
     Args:
-        plant: whose truth it is.
-        calibration: of the tip camera.
-        board: tells where on the board the target is.
-        remember: so many exposures are kept; older ones are forgotten.
+        plant: the simulated plant.
+        calibration: calibration of the tip camera.
+        board: its target is projected.
+        remember: number of exposures to keep.
     """
 
     def __init__(
@@ -42,16 +42,16 @@ class TwinTruth:
     ) -> None:
         self._plant, self._calibration = plant, calibration
         self.target = (*board.target, 0.0)
-        """The point on the board that is the target [m]."""
+        """Target on the board (right, down, 0) [m]."""
         self._remember = remember
         self._exposures: dict[int, Any] = {}
 
     def now(self) -> TruthSample:
-        """Return the truth at the clock's present time."""
+        """Return the truth at the present time of the clock."""
         return self._explain(self._plant.snapshot())
 
     def expose(self, seq: int) -> None:
-        """Remember the exposure that happens now."""
+        """Remember the present state as the exposure of a frame."""
         self._exposures[seq] = self._plant.snapshot()
         self._exposures.pop(seq - self._remember, None)
 
@@ -59,7 +59,7 @@ class TwinTruth:
         """Return the truth at the exposure of a frame; see `Truth.at_exposure`."""
         if seq not in self._exposures:
             known = f"{min(self._exposures)}..{max(self._exposures)}" if self._exposures else "none"
-            raise LookupError(f"no truth for frame {seq}; remembered are {known}")
+            raise LookupError(f"no truth for frame {seq}; known frames: {known}")
         moment = self._exposures[seq]
         if not isinstance(moment, TruthSample):
             moment = self._exposures[seq] = self._explain(moment)

@@ -1,4 +1,4 @@
-"""The twin's pose tracker: an outside look at the tip, noisy, a little late, sometimes blind."""
+"""The twin's pose tracker: poses of the tip with noise, latency and dropouts."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class TwinPoseTracker:
 
     Args:
         settings: rate, latency, noise and dropouts.
-        plant: whose tip it watches.
-        clock: tells what has arrived.
-        seed: of noise and dropouts.
+        plant: the plant whose tip it measures.
+        clock: decides which poses have arrived.
+        seed: seed of noise and dropouts.
     """
 
     def __init__(
@@ -37,10 +37,10 @@ class TwinPoseTracker:
         return round(self._samples / self._settings.rate_hz / self._clock.timestep_s)
 
     def measure(self) -> None:
-        """Measure now, and put the pose on its way.
+        """Measure now, and send the pose.
 
-        Noise is normal, alike in all directions: added to the position, and turned on as a small
-        rotation in the tip's axes.
+        The noise is normal and isotropic: added to the position, and applied as a small rotation in
+        the axes of the tip.
         """
         self._samples += 1
         settings = self._settings

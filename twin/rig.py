@@ -1,7 +1,8 @@
 """The whole twin as a rig: clock, guarded handles, late camera, pose tracker, truth.
 
-Physics moves only while somebody sleeps on the clock. Exposures, tracking and friction renewals
-stand at fixed points of the physics grid, so cutting a sleep into pieces changes no bit.
+The physics advances only while a caller sleeps on the clock. Exposures, pose measurements and
+friction updates happen at fixed points of the physics grid, so the results are bit-identical
+however a sleep is divided.
 """
 
 from __future__ import annotations
@@ -34,19 +35,19 @@ from endolock.vision import camera_model
 
 OVERVIEW_SIZE = (480, 360)
 OVERVIEW_EVERY = 2
-"""Pictures of the fixed camera, width and height [px], one for so many of the tip camera's: for
-people, so a quarter of the price will do."""
+"""Width and height of the fixed camera's pictures [px], and one picture for every `OVERVIEW_EVERY`
+of the tip camera. They are for viewing only."""
 SHARP_PX = 1.0
-"""A picture in which nothing moves farther than this during its exposure is drawn once [px]; the
-average of several would differ by a fraction of a pixel. Assumed."""
+"""Largest motion during an exposure for which a picture is drawn only once [px]; the average of
+several would differ by a fraction of a pixel. Assumed."""
 
 
 class TwinClock:
-    """Simulated time: sleeping on it makes the twin move.
+    """Simulated time: sleeping advances the twin.
 
     Args:
-        rig: is told to advance.
-        timestep_s: its grid [s].
+        rig: the rig to advance.
+        timestep_s: grid of the physics [s].
     """
 
     realtime = False
@@ -55,7 +56,7 @@ class TwinClock:
         self._rig, self.timestep_s = rig, timestep_s
 
     def now(self) -> float:
-        """Time since the rig was made [s]."""
+        """Return the time since the rig was created [s]."""
         return self._rig.plant.t
 
     def sleep_until(self, t: float) -> float:
@@ -65,14 +66,14 @@ class TwinClock:
 
 
 class TwinRig(ClosingRig):
-    """A simulated endoscope that steers like a real one.
+    """A simulated endoscope with the interface of a real one.
 
     Args:
         scenario: name, TOML file or loaded scenario.
-        instrument: what the endoscope is made of; `pretensioned` if None.
-        numerics: how finely it is simulated; the defaults if None.
-        seed: of every random number, >= 0.
-        pictures: whether frames carry pictures; without, vision must take the truth.
+        instrument: parameters of the endoscope; `pretensioned` if None.
+        numerics: resolution of the simulation; the defaults if None.
+        seed: seed of all random numbers, >= 0.
+        pictures: whether frames carry pictures; if not, vision must use the truth.
         overview: whether the fixed camera takes pictures too.
 
     Raises:
@@ -124,12 +125,12 @@ class TwinRig(ClosingRig):
         self._available: float | None = None
         self._pictures: list[Image] = []
         self._blurred = False
-        self._darkroom = ThreadPoolExecutor(1)  # one, so that noise is drawn in the same order
+        self._darkroom = ThreadPoolExecutor(1)  # one worker, so that the order of noise is fixed
         self._shutter = exposure.sub_exposures(video, self.clock.timestep_s, pictures=pictures)
         self._moment = next(self._shutter)
 
     def advance(self, step: int) -> None:
-        """Move the physics up to a grid point, exposing frames and tracking on the way."""
+        """Advance the physics to a grid point, exposing frames and measuring poses on the way."""
         self._look()
         while self.plant.step_count < step:
             due = min(self._moment.step, self._watchdog_step())
@@ -149,7 +150,7 @@ class TwinRig(ClosingRig):
         }
 
     def aim(self, pixel: tuple[float, float]) -> None:
-        """Make the point of the board that is seen at a pixel now the target.
+        """Make the point of the board that is now seen at a pixel the target.
 
         Raises:
             ConfigError: there is no board at that pixel.
@@ -157,10 +158,10 @@ class TwinRig(ClosingRig):
         plant = self.truth.now().plant
         rotation = plant.tip.matrix
         board = self.plant.base_from_board
-        # In board axes: where the camera is, and the way the ray goes.
+        # In board axes: position of the camera, and direction of the ray.
         start = board.T @ np.subtract(plant.tip.position, plant.board.position)
-        way = board.T @ rotation @ camera_model.ray(self.camera.calibration, pixel)
-        x, y, _ = (start - start[2] / way[2] * way).tolist() if way[2] > 0 else (inf, inf, 0)
+        ray = board.T @ rotation @ camera_model.ray(self.camera.calibration, pixel)
+        x, y, _ = (start - start[2] / ray[2] * ray).tolist() if ray[2] > 0 else (inf, inf, 0)
         if not max(abs(x), abs(y)) <= self.board.size_m / 2:
             u, v = pixel
             raise ConfigError(f"at pixel {u:g},{v:g} there is no board", "select a part of it")
@@ -168,12 +169,12 @@ class TwinRig(ClosingRig):
         self.truth.target = (x, y, 0.0)
 
     def close(self) -> None:
-        """Switch the handles off and give the OpenGL context back; may be called twice."""
+        """Switch the handles off and release the OpenGL context; may be called twice."""
         drawing = [self._renderer.close] if self._renderer else []
         close_all(self.actuators.close, self._darkroom.shutdown, *drawing)
 
     def _look(self) -> None:
-        """Take what is due at this step."""
+        """Expose and measure what is due at this step."""
         while self.plant.step_count >= self._moment.step:
             self._expose(self._moment)
             self._moment = next(self._shutter)
@@ -183,7 +184,7 @@ class TwinRig(ClosingRig):
             servo.watch()
 
     def _watchdog_step(self) -> float:
-        """First grid point after a servo's watchdog has run off."""
+        """Return the first grid point after the watchdog of a servo has expired."""
         trips_at = min(servo.trips_at for servo in self.servos)
         return floor(trips_at / self.clock.timestep_s + 1e-6) + 1 if isfinite(trips_at) else inf
 

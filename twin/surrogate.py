@@ -1,13 +1,14 @@
-"""A fast stand-in for the twin: hysteresis without time, exact kinematics, no physics.
+"""A fast replacement for the twin: rate-independent hysteresis, exact kinematics, no physics.
 
-Behind the same rig API, so that laws can be tried in seconds:
+It has the same rig interface, so that controllers can be tried in seconds:
 
     servos (first-order lag) -> transmission -> constant-curvature section -> projection.
 
 The transmission is weighted plays, both axes alike and independent (control/transmission/plays.py),
-or wires that rub, whose loops widen with the bend of both axes
-(control/transmission/quasi_static.py): friction as in the thesis' eq. 3.29 with the kinematics that
-its laws use, the kind of model that it simulated. No pushes, no shaft that moves, no inertia.
+or wires with friction, whose loops widen with the bend of both axes
+(control/transmission/quasi_static.py): friction as in eq. 3.29 of the thesis with the kinematics of
+its controllers, the kind of model that the thesis simulated. It has no pushes, no moving shaft and
+no inertia.
 """
 
 from __future__ import annotations
@@ -32,16 +33,16 @@ from endolock.twin.world.scenario import Scenario, load
 
 
 class SurrogateRig(ClosingRig):
-    """A rig without pictures; vision must take the truth.
+    """A rig without pictures; vision must use the truth.
 
     Args:
-        scenario: name, TOML file or loaded scenario, with a board that moves and nothing else.
-        transmission: from handles to bends; plays fitted to the instrument if None.
+        scenario: name, TOML file or loaded scenario, in which only the board moves.
+        transmission: from handle angles to bends; plays fitted to the instrument if None.
         instrument: its lengths, handles and encoders are used; the default if None.
-        seed: of every random number.
+        seed: seed of all random numbers.
 
     Raises:
-        ConfigError: the scenario has what a surrogate does not know.
+        ConfigError: the scenario has parts that a surrogate does not model.
     """
 
     overview = None
@@ -73,7 +74,7 @@ class SurrogateRig(ClosingRig):
         self._transmission = transmission
 
     def advance(self, step: int) -> None:
-        """Move up to a grid point, exposing frames on the way."""
+        """Advance to a grid point, exposing frames on the way."""
         plant, rate = self.plant, self.scenario.camera.frame_rate_hz
         while True:
             due = round(self._frames / rate / TIMESTEP_S)
@@ -104,7 +105,7 @@ class SurrogateClock:
     """Simulated time on a grid of `TIMESTEP_S`.
 
     Args:
-        rig: is told to advance.
+        rig: the rig to advance.
     """
 
     realtime = False
@@ -114,7 +115,7 @@ class SurrogateClock:
         self._rig = rig
 
     def now(self) -> float:
-        """Time since the rig was made [s]."""
+        """Return the time since the rig was created [s]."""
         return self._rig.plant.t
 
     def sleep_until(self, t: float) -> float:
@@ -124,12 +125,12 @@ class SurrogateClock:
 
 
 class SurrogateDrive:
-    """The handle motors as a guard sees them.
+    """The handle motors behind the interface of a drive.
 
     Args:
-        plant: the handles belong to it.
-        clock: stamps the readings.
-        instrument: gives range, speed and encoders.
+        plant: the plant of the handles.
+        clock: time of the readings.
+        instrument: its range, speed and encoders are used.
     """
 
     axes: tuple[str, ...] = AXES
@@ -144,10 +145,10 @@ class SurrogateDrive:
         self._limit()
 
     def open(self) -> None:
-        """Nothing to do: it is always there."""
+        """Do nothing: it is always available."""
 
     def transfer(self, goal: tuple[float, ...] | None) -> Reading:
-        """Send a goal [rad], or none, and measure."""
+        """Send a goal [rad] if one is given, and measure."""
         plant, (zero_a, zero_b) = self._plant, self._zero
         if goal is not None:
             a, b = self.quantise(goal)
@@ -168,15 +169,15 @@ class SurrogateDrive:
         return tuple(round(g / self._step) * self._step for g in goal)
 
     def hold(self) -> tuple[float, ...]:
-        """Stay where the handles are."""
+        """Hold the handles."""
         self.torque(True)
         return self.transfer(None).position
 
     def recover(self) -> None:
-        """Nothing to do: nothing fails."""
+        """Do nothing: it never fails."""
 
     def torque(self, on: bool) -> None:
-        """Stay where the handles are; without torque they are held as well."""
+        """Hold the handles, also without torque."""
         self._plant.goal = self._plant.handles
 
     def zero(self) -> None:
@@ -186,7 +187,7 @@ class SurrogateDrive:
         self._limit()
 
     def close(self) -> None:
-        """Stay where the handles are."""
+        """Hold the handles."""
         self.torque(False)
 
     def _limit(self) -> None:
@@ -201,6 +202,6 @@ def _check(scenario: Scenario) -> None:
     for what in ("shaft", "push", "tracker"):
         if getattr(scenario, what):
             raise ConfigError(
-                f"scenario {scenario.name} has [{what}], which a rig without physics does not know",
+                f"scenario {scenario.name} has [{what}], which rigs without physics do not model",
                 "use --rig twin",
             )

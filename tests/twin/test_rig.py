@@ -213,7 +213,7 @@ def test_truth_is_remembered_while_frames_are_under_way() -> None:
     frame = rig.camera.latest()
     assert frame is not None
     assert rig.truth.at_exposure(frame.seq).t == pytest.approx(frame.t_capture)
-    with pytest.raises(LookupError, match=r"no truth for frame 0; remembered are \d+\.\.75"):
+    with pytest.raises(LookupError, match=r"no truth for frame 0; known frames: \d+\.\.75"):
         rig.truth.at_exposure(0)
 
 

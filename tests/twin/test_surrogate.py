@@ -83,7 +83,7 @@ def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
 @pytest.mark.parametrize("name", ["push", "roll", "shaft_loop"])
 def test_what_it_does_not_know_it_refuses(name: str) -> None:
     with pytest.raises(
-        ConfigError, match=r"which a rig without physics does not know; use --rig twin"
+        ConfigError, match=r"which rigs without physics do not model; use --rig twin"
     ):
         SurrogateRig(name, transmission=ONE_PLAY)
 

@@ -1,4 +1,4 @@
-"""When the twin's camera is exposed: one moment a frame, or several where motion shall blur."""
+"""Times at which the twin's camera is exposed: one per frame, or several for motion blur."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from endolock.twin.world.scenario_sections import CameraSettings
 
 
 class SubExposure(NamedTuple):
-    """One moment of an exposure."""
+    """One of the pictures that are averaged over an exposure."""
 
     step: int
-    """On the physics grid."""
+    """Its step on the physics grid."""
     seq: int
-    """Of which frame."""
+    """Number of the frame."""
     first: bool
-    """Whether the frame begins with it."""
+    """Whether it is the first of its frame."""
     nominal: bool
-    """Whether the frame counts as taken now: in the middle of its exposure."""
+    """Whether it is in the middle of the exposure, the nominal time of the frame."""
     last: bool
-    """Whether the frame is complete after it."""
+    """Whether it is the last of its frame."""
 
 
 def sub_exposures(
     camera: CameraSettings, timestep_s: float, *, pictures: bool
 ) -> Iterator[SubExposure]:
-    """Yield all moments in order; frame n is exposed around n / frame_rate_hz.
+    """Yield all sub-exposures in order; frame n is exposed around n / frame_rate_hz.
 
     Args:
-        camera: what the scenario says of the camera.
-        timestep_s: the physics grid [s]; moments are rounded to it, none is before 0.
-        pictures: whether anything is drawn; without, the middle of the exposure is enough.
+        camera: settings of the camera.
+        timestep_s: the physics grid [s]; times are rounded to it and are not before 0.
+        pictures: whether pictures are drawn; otherwise only the middle of each exposure.
     """
     parts = camera.sub_exposures if camera.exposure_s and pictures else 1
     for seq in count():

@@ -1,8 +1,7 @@
-"""From a rendered picture to what an endoscope's camera delivers.
+"""From rendered pictures to those of an endoscope's camera.
 
-In this order: the average over an exposure, the bending of straight lines by a fisheye, gain with
-vignette and mask, the sensor's noise, a coder's artefacts. Each part is left out where the
-scenario leaves it ideal.
+In this order: average over an exposure, fisheye projection, gain with vignette and mask, sensor
+noise, coding artefacts. Each part is skipped if the scenario leaves it ideal.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import camera_model
 
 FOCAL_SHARE = 0.9
-"""Focal length of the rendered picture over that of a fisheye's: nearly as fine in the middle, and
+"""Focal length of the rendered picture over that of the fisheye: nearly as fine in the middle, and
 finer everywhere else. Source: measured, it does not limit the markers."""
 NOISE_BANK = 4
-"""Noise is drawn once for so many pictures; each frame begins somewhere else in it."""
+"""Size of the bank of noise, in pictures; each frame starts at a random row of it."""
 
 
 class Shot(NamedTuple):
-    """The picture that is rendered: of an ideal pinhole."""
+    """Size and field of view of the rendered picture, of an ideal pinhole."""
 
     width: int
     height: int
@@ -53,7 +52,7 @@ def calibration(camera: CameraSettings) -> Calibration:
 
 
 def shot(camera: CameraSettings) -> Shot:
-    """Return what must be rendered: as delivered, or wide enough for all that a fisheye shows."""
+    """Return the picture to render: as delivered, or wide enough to cover the fisheye."""
     width, height = camera.width, camera.height
     if camera.projection == "pinhole":
         return Shot(width, height, camera.fovy_deg)
@@ -68,8 +67,8 @@ class Optics:
     """Turns rendered pictures into delivered ones.
 
     Args:
-        camera: what the scenario says of the camera.
-        seed: of the sensor's noise.
+        camera: settings of the camera.
+        seed: seed of the sensor noise.
     """
 
     def __init__(self, camera: CameraSettings, seed: int) -> None:
@@ -91,7 +90,7 @@ class Optics:
         """Make one delivered picture.
 
         Args:
-            pictures: rendered during one exposure, RGB; at least one.
+            pictures: pictures rendered during one exposure, RGB; at least one.
         """
         image: np.ndarray = pictures[0]
         if len(pictures) > 1:
@@ -115,7 +114,7 @@ class Optics:
 
 
 def _maps(delivered: Calibration, rendered: Shot) -> tuple[np.ndarray, np.ndarray]:
-    """Where in the rendered picture each delivered pixel comes from."""
+    """Position in the rendered picture of each delivered pixel, for `cv2.remap`."""
     pinhole = camera_model.from_fovy(*rendered)
     seen = camera_model.project_points(pinhole, _rays(delivered)).astype(np.float32)
     x, y = (seen[:, i].reshape(delivered.height, delivered.width) for i in (0, 1))
@@ -123,13 +122,13 @@ def _maps(delivered: Calibration, rendered: Shot) -> tuple[np.ndarray, np.ndarra
 
 
 def _rays(delivered: Calibration) -> Vector:
-    """Ray of each pixel, row by row."""
+    """Rays of all pixels, row by row."""
     v, u = np.indices((delivered.height, delivered.width), np.float64)
     return camera_model.rays(delivered, np.column_stack([u.ravel(), v.ravel()]))
 
 
 def _weight(camera: CameraSettings, geometry: Calibration) -> Image:
-    """Share of the light that each pixel gets, times 255."""
+    """Share of the light at each pixel, times 255."""
     v, u = np.indices((camera.height, camera.width), np.float64)
     cx, cy = geometry.centre_px
     radius = np.hypot(u - cx, v - cy) / hypot(cx, cy)

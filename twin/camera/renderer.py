@@ -1,8 +1,7 @@
 """The twin's cameras: EGL pictures, and the video chain that delivers them late.
 
-A frame exposed at t is delivered at t + latency (+ jitter). What the camera believes of the
-exposure, `Frame.t_capture`, is the delivery time less the nominal latency: on a bench nothing more
-is known.
+A frame exposed at t is delivered at t + latency (+ jitter). The camera's estimate of the exposure
+time, `Frame.t_capture`, is the delivery time minus the nominal latency, as on a bench.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from endolock.twin.randomness import generator
 from endolock.twin.world.scenario_sections import CameraSettings
 
 Picture = Image | Future[Image] | None
-"""A picture, one that is still being made, or none."""
+"""A picture, one that is still being developed, or none."""
 
 
 class Renderer:
-    """Draws what a camera of the model sees, fast rather than fancy.
+    """Renders the view of a camera of the model, with the effects that cost time switched off.
 
-    The OpenGL context is made with the first picture, in the thread that asks for it.
+    The OpenGL context is created with the first picture, in the thread that draws it.
 
     Args:
         model: the compiled scene.
@@ -46,8 +45,8 @@ class Renderer:
         """Draw one picture, RGB; positions of bodies, cameras and lights must be current.
 
         Raises:
-            ConfigError: there is no way to render off-screen here, the renderer is closed, or the
-                first picture was drawn in another thread.
+            ConfigError: off-screen rendering is not available, the renderer is closed, or the first
+                picture was drawn in another thread.
         """
         if self._closed:
             raise ConfigError("this rig is closed and takes no pictures", "make a new one")
@@ -65,7 +64,7 @@ class Renderer:
         return picture
 
     def close(self) -> None:
-        """Give the OpenGL contexts back."""
+        """Release the OpenGL contexts."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers.clear()
@@ -74,7 +73,7 @@ class Renderer:
     def _make(self, width: int, height: int) -> mujoco.Renderer:
         try:
             renderer = mujoco.Renderer(self._model, height, width)
-        except Exception as error:  # whatever the OpenGL platform in use raises
+        except Exception as error:  # depends on the OpenGL platform in use
             said = " ".join(str(error).split()) or type(error).__name__
             raise ConfigError(
                 f"cannot render a picture off-screen with MUJOCO_GL={endolock.opengl()} ({said})",
@@ -91,13 +90,13 @@ class TwinCamera:
 
     Args:
         calibration: its geometry.
-        clock: tells what has arrived.
-        seed: of the irregularities.
-        latency_s: exposure to delivery [s], also what the camera believes.
-        jitter_s: the latency varies evenly by +- this [s].
+        clock: decides which frames have arrived.
+        seed: seed of jitter, drops and repeats.
+        latency_s: exposure to delivery [s].
+        jitter_s: half width of the uniform variation of the latency [s].
         drop_fraction: share of the frames that never arrive [1].
-        repeat_fraction: share of the frames that arrive as a copy of the one before [1].
-        nominal_latency_s: what the camera believes of the latency [s]; the truth if None.
+        repeat_fraction: share of the frames that arrive as a copy of the previous one [1].
+        nominal_latency_s: latency from which `t_capture` is computed [s]; the true one if None.
     """
 
     def __init__(
@@ -129,7 +128,7 @@ class TwinCamera:
         return self._calibration
 
     def delivery(self, t: float) -> float | None:
-        """Draw when the frame exposed at `t` [s] will arrive; None if never."""
+        """Draw the delivery time of the frame exposed at `t` [s]; None if it is dropped."""
         late = self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
         if self._drops.random() < self._drop_fraction:
             return None
@@ -138,7 +137,7 @@ class TwinCamera:
         return self._last_available
 
     def send(self, seq: int, available: float, image: Picture) -> None:
-        """Put a picture on its way, to arrive at `available` [s]."""
+        """Send a picture that arrives at `available` [s]."""
         repeated = seq > 0 and self._repeats.random() < self._repeat_fraction
         self._sent = self._sent if repeated else image
         self._line.append((available, seq, self._sent, repeated))
@@ -163,7 +162,7 @@ class TwinCamera:
 
 
 def tip_camera(video: CameraSettings, clock: Clock, seed: int) -> TwinCamera:
-    """Make the tip camera that a scenario asks for."""
+    """Make the tip camera of a scenario."""
     return TwinCamera(
         optics.calibration(video),
         clock,
@@ -177,5 +176,5 @@ def tip_camera(video: CameraSettings, clock: Clock, seed: int) -> TwinCamera:
 
 
 def under_way(video: CameraSettings) -> int:
-    """Most frames that are under way at once, and those of a second more for who asks late."""
+    """Return how many frames to remember: those under way at once, and one second of others."""
     return ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)

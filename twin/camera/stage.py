@@ -1,4 +1,4 @@
-"""The scene that a scenario asks for: its board, plates, light and camera, ready to compile."""
+"""The scene of a scenario: board, occluders, light and camera, ready to compile."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from endolock.twin.world.scenario import Scenario
 def build(
     scenario: Scenario, instrument: Instrument | None = None, numerics: Numerics | None = None
 ) -> mujoco.MjSpec:
-    """Build section and scene as a scenario has them; the tip camera takes what its optics need.
+    """Build section and scene of a scenario; the tip camera renders what its optics need.
 
     Args:
-        scenario: board, light, camera and occluders are taken from it.
-        instrument: what the section is made of; the defaults if None.
-        numerics: how finely it is cut; the defaults if None.
+        scenario: its board, light, camera and occluders are used.
+        instrument: parameters of the section; the defaults if None.
+        numerics: resolution of the simulation; the defaults if None.
     """
     plates = tuple(scene.Plate(plate.size_m, plate.look) for plate in scenario.occluder)
     light = scenario.light
@@ -33,7 +33,7 @@ def build(
 
 
 def movable(model: mujoco.MjModel) -> list[int]:
-    """Return the mocap numbers of the board and of the occluders, in their order."""
+    """Return the mocap indices of the board and of the occluders, in this order."""
     bodies = [model.body(n) for n in range(model.nbody)]
     plates = [body for body in bodies if body.name.startswith("occluder_")]
     return [int(body.mocapid[0]) for body in (model.body("target"), *plates)]

@@ -1,7 +1,7 @@
-"""Stills of a board at any pose, with the exact pixel of its target: the truth of benchmarks.
+"""Stills of a board at any pose, with the exact pixel of its target as ground truth.
 
-The section stays straight, so the camera stands at the origin of the base frame; what is drawn is
-the twin's scene through the twin's optics.
+The section stays straight, so the camera is at the origin of the base frame. Scene and optics are
+those of the twin.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from endolock.vision import camera_model
 
 
 class Place(NamedTuple):
-    """Where a board is, in camera axes."""
+    """Pose of a board in camera axes."""
 
     position: tuple[float, float, float]
-    """Its centre (right, down, ahead) [m]."""
+    """Position of its centre (right, down, ahead) [m]."""
     tilt_deg: float = 0.0
     axis_deg: float = 0.0
-    """See `scenario.Board.tilt_deg` and `tilt_axis_deg`."""
+    """See `scenario_sections.Board`."""
     roll_deg: float = 0.0
-    """Turn within its plane, clockwise in the picture [deg]."""
+    """Rotation within its plane, clockwise in the picture [deg]."""
 
 
 class BoardStill(NamedTuple):
-    """A picture and what is true of it."""
+    """A picture and its ground truth."""
 
     frame: Frame
     target_px: tuple[float, float]
@@ -47,9 +47,9 @@ class Studio(Closing):
     """Takes stills.
 
     Args:
-        scenario: its board, light, camera and occluders are used; the distance is given with each
-            still.
-        seed: of the sensor's noise.
+        scenario: its board, light, camera and occluders are used; the pose of the board is given
+            with each still.
+        seed: seed of the sensor noise.
     """
 
     def __init__(self, scenario: Scenario, seed: int = 0) -> None:
@@ -72,8 +72,9 @@ class Studio(Closing):
         """Take one still.
 
         Args:
-            places: of the board; several are the moments of one exposure, the middle one counts.
-            t: time of the still [s]; it tells where the occluders are.
+            places: pose of the board; several are averaged over one exposure, and the truth
+                is that of the middle one.
+            t: time of the still [s], at which the occluders are placed.
         """
         pictures = [self._draw(place, t).copy() for place in places]
         place = places[len(places) // 2]
@@ -90,7 +91,7 @@ class Studio(Closing):
         return BoardStill(frame, camera_model.project(self.calibration, point), float(point[2]))
 
     def close(self) -> None:
-        """Give the OpenGL context back."""
+        """Release the OpenGL context."""
         self._renderer.close()
 
     def _draw(self, place: Place, t: float) -> Image:

@@ -1,4 +1,4 @@
-"""The target lock as a Gymnasium environment; importing this registers it.
+"""The target lock as a Gymnasium environment; importing this module registers it.
 
     gymnasium.make("endolock.twin.env.gym_env:Endolock/TargetLock-v0")
     gymnasium.make("endolock.twin.env.gym_env:Endolock/TargetLock-Pixels-v0", scenario="circle")
@@ -40,9 +40,9 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
 
     Args:
         scenario: name, TOML file or loaded scenario.
-        pixels: observe the delayed tip picture instead of what eyes make of it.
-        eyes: makes the eyes of an episode from its rig; exact ones by default.
-        render_mode: "rgb_array" to render the newest tip picture delivered, None to render nothing.
+        pixels: observe the delayed tip picture instead of the result of vision.
+        eyes: makes the eyes of an episode from its rig; by default they use the truth.
+        render_mode: "rgb_array" to render the newest delivered tip picture, None for no rendering.
 
     Raises:
         ConfigError: the scenario or the render mode cannot be used.
@@ -79,8 +79,8 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
         """Begin an episode.
 
         Args:
-            seed: that of the episode; None to draw one.
-            options: there are none.
+            seed: seed of the episode; None to draw one.
+            options: not used.
         """
         super().reset(seed=seed)
         episode = int(self.np_random.integers(2**31)) if seed is None else seed
@@ -92,11 +92,11 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
         share = (np.asarray(action, np.float64) + 1.0) / 2.0
         step = self._env.step(self._low + share * (self._high - self._low))
         if step.first():
-            raise gymnasium.error.ResetNeeded("the episode is over or has not begun; call reset()")
+            raise gymnasium.error.ResetNeeded("the episode has ended or not begun; call reset()")
         return _observed(step.observation), step.reward, False, step.last(), {}
 
     def render(self) -> Image | None:
-        """Return the newest tip picture delivered, black before the first; None without a mode."""
+        """Return the newest delivered tip picture, black before the first; None without a mode."""
         rig: TwinRig = self._env.physics.rig
         if self.render_mode is None:
             return None
@@ -111,14 +111,13 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
 
 
 def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
-    """Make environments that run side by side, each in a process of its own.
+    """Make environments that run in parallel, each in its own process.
 
-    A script that calls this must do so under `if __name__ == "__main__":`, as each process
-    imports it.
+    A script must call this under `if __name__ == "__main__":`, because each process imports it.
 
     Args:
-        count: how many.
-        kwargs: of each `TargetLockEnv`.
+        count: number of environments.
+        kwargs: arguments of each `TargetLockEnv`.
     """
     return gymnasium.make_vec(
         STATE_ID,
@@ -130,7 +129,7 @@ def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
 
 
 def _box(spec: Any) -> gymnasium.spaces.Box:
-    """Translate the specification of one array; numbers become float32."""
+    """Convert the specification of one array; numbers become float32."""
     kind = np.uint8 if spec.dtype == np.uint8 else np.float32
     low, high = (np.broadcast_to(bound, spec.shape) for bound in (spec.minimum, spec.maximum))
     return gymnasium.spaces.Box(low.astype(kind), high.astype(kind), dtype=kind)

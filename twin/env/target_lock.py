@@ -1,9 +1,9 @@
 """The target lock as a dm-control environment: two handle goals in, late vision and a reward out.
 
-An episode is what `endolock run` would record, with the agent in the place of the law: it starts at
-t = 0 with the handles enabled, and an action goes out with the next tick's exchange. Time is the
-rig's: the physics sleeps on the rig's clock and steps nothing itself. Nothing observed is more than
-a bench could know; only the reward is taken from the truth.
+An episode is a run of `endolock run` with the agent as the controller: it starts at t = 0 with the
+handles enabled, and an action is sent with the exchange of the next tick. `Physics` sleeps on the
+clock of the rig and steps nothing itself. Observations contain only what a bench could measure; the
+reward is computed from the truth.
 
     reward = 1 / (1 + (error / HALF_ERROR_DEG)^2)
 
@@ -43,8 +43,8 @@ HALF_ERROR_DEG = 5.0
 """Error at which the reward is one half [deg]; 23 px with f = 262 px. Assumed: about the 20 px
 within which the target counts as locked."""
 MARGIN = 2.0
-"""Observations are clipped at so many times the handles' limits and half the picture. Assumed:
-overshoot stays within, and so does a target found outside the picture."""
+"""Observations are clipped at this factor times the handle limits and half the picture. Assumed:
+wide enough for overshoot, and for a target found outside the picture."""
 
 
 def exact_eyes(rig: TwinRig) -> Eyes:
@@ -54,11 +54,11 @@ def exact_eyes(rig: TwinRig) -> Eyes:
 
 
 class Physics(control.Physics):  # type: ignore[misc]  # dm-control is untyped
-    """A rig as dm-control sees it; each reset makes a new one.
+    """Adapts a rig to dm-control; each reset makes a new rig.
 
     Args:
         make_rig: makes a rig from its seed.
-        seed: of the first episode, >= 0; those after it draw theirs from it.
+        seed: seed of the first episode, >= 0; the seeds of later ones are drawn from it.
     """
 
     def __init__(self, make_rig: Callable[[int], TwinRig], seed: int) -> None:
@@ -67,52 +67,52 @@ class Physics(control.Physics):  # type: ignore[misc]  # dm-control is untyped
         self.reseed(seed)
 
     def reseed(self, seed: int) -> None:
-        """Give the next episode this seed, and those after it the same ones as the first time."""
+        """Set the seed of the next episode, and restart the sequence of the later seeds."""
         self._next = seed
         self._later = generator(seed, "env.episodes")
 
     def step(self, n_sub_steps: int = 1) -> None:
-        """Let so many steps of the clock's grid pass."""
+        """Advance by this number of steps of the clock's grid."""
         clock = self.rig.clock
         clock.sleep_until(clock.now() + n_sub_steps * clock.timestep_s)
 
     def time(self) -> float:
-        """Time since the episode began [s]."""
+        """Return the time since the episode began [s]."""
         return self.rig.clock.now()
 
     def timestep(self) -> float:
-        """Grid of the clock [s]."""
+        """Return the grid of the clock [s]."""
         return self.rig.clock.timestep_s
 
     def reset(self) -> None:
-        """Replace the rig by a new one, with the next seed."""
+        """Replace the rig by a new one with the next seed."""
         self.close()
         self.rig = self._make_rig(self._next)
         self._next = int(self._later.integers(2**31))
 
     def after_reset(self) -> None:
-        """Nothing to do: the rig is as new."""
+        """Do nothing: the rig is new."""
 
     def close(self) -> None:
-        """Switch the handles off and give the OpenGL context back; may be called twice."""
+        """Switch the handles off and release the OpenGL context; may be called twice."""
         self.rig.close()
 
 
 class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyped
-    """Keep the target in the image centre, see the module's description.
+    """Keep the target in the image centre; see the description of the module.
 
-    The action is the two handle goals [rad], (up_down, left_right); the guard of the rig limits and
-    slews them like anyone's. Observed are
+    The action is the two handle goals [rad], (up_down, left_right); the guard of the rig limits
+    position and speed as for any controller. The observations are
 
         handle_position  (2,) [rad], handle_velocity (2,) [rad/s]: as measured
         target_error     (2,) [rad]: (above, right) of the image centre over the focal length, where
-                         the target was last seen; a positive handle makes a positive error smaller
-        tracking         (1,): 1 where the newest frame showed the target, else 0
+                         the target was last seen; positive handle angles reduce positive errors
+        tracking         (1,): 1 if the newest frame showed the target, otherwise 0
         pixels           height x width x 3, uint8: the newest frame; black before the first
-        frame_age        (1,) [s]: of the frame that target_error or pixels are from, as the camera
-                         believes; time since the start before there is one
+        frame_age        (1,) [s]: of the frame of target_error or pixels, as the camera estimates;
+                         time since the start before the first frame
 
-    target_error and tracking with eyes, pixels without.
+    There are target_error and tracking with eyes, pixels without.
 
     Args:
         make_eyes: makes the eyes of an episode; None to observe pixels.
@@ -122,7 +122,7 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
         self._make_eyes = make_eyes
 
     def initialize_episode(self, physics: Physics) -> None:
-        """Expose the first frame, enable the handles and look for the first time."""
+        """Expose the first frame, enable the handles and make the first observation."""
         rig = physics.rig
         calibration = rig.camera.calibration
         self._eyes = self._make_eyes(rig) if self._make_eyes else None
@@ -137,11 +137,11 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
         self.after_step(physics)
 
     def before_step(self, action: Vector, physics: Physics) -> None:
-        """Take the action; it is sent with the next exchange, when the period is over."""
+        """Store the action; it is sent with the next exchange, at the end of the period."""
         self._command = Command(position=tuple(float(goal) for goal in np.ravel(action)))
 
     def after_step(self, physics: Physics) -> None:
-        """Send the action, read the handles, and look at the frame if a new one has come."""
+        """Send the action, read the handles, and observe the newest frame if it is new."""
         rig = physics.rig
         self._state: State = rig.actuators.exchange(self._command)
         frame = rig.camera.latest()
@@ -160,12 +160,12 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
             self._seen_at = observation.t_capture
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
-        """Return the handle goals that are possible [rad]."""
+        """Return the range of the handle goals [rad]."""
         low, high = np.transpose(physics.rig.actuators.limits.position_rad)
         return specs.BoundedArray((2,), np.float64, low, high, name="handle_goal")
 
     def observation_spec(self, physics: Physics) -> dict[str, specs.BoundedArray]:
-        """Return shapes and bounds of everything observed."""
+        """Return shapes and bounds of all observations."""
         ranges = _ranges(physics.rig)
         result = {
             name: specs.BoundedArray(ranges[name][0].shape, np.float64, *ranges[name], name=name)
@@ -178,7 +178,7 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
         return result
 
     def get_observation(self, physics: Physics) -> dict[str, Vector | Image]:
-        """Return what is known after the last exchange."""
+        """Return the observations after the last exchange."""
         values = {
             "handle_position": self._state.position,
             "handle_velocity": self._state.velocity,
@@ -194,7 +194,7 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
         return result
 
     def get_reward(self, physics: Physics) -> float:
-        """Return the reward of the true error now."""
+        """Return the reward of the present true error."""
         return reward(physics.rig.truth.now().error_deg)
 
     def _names(self) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ class TargetLockTask(control.Task):  # type: ignore[misc]  # dm-control is untyp
 
 
 class Environment(control.Environment):  # type: ignore[misc]  # dm-control is untyped
-    """A `dm_control.rl.control.Environment` that knows its rewards and gives its rig back."""
+    """A `dm_control.rl.control.Environment` with bounds of its reward, and that closes its rig."""
 
     def reward_spec(self) -> specs.BoundedArray:
         """Return the bounds of the reward."""
@@ -225,13 +225,13 @@ def make(
     """Make the environment of one scenario; an episode lasts as long as the scenario.
 
     Args:
-        scenario: name, TOML file or loaded scenario; smaller pictures are a scenario with another
-            `camera.width` and `camera.height`.
-        pixels: observe the delayed tip picture instead of what eyes make of it.
+        scenario: name, TOML file or loaded scenario; the size of the pictures is its `camera.width`
+            and `camera.height`.
+        pixels: observe the delayed tip picture instead of the result of vision.
         eyes: makes the eyes of an episode from its rig, for example
             `lambda rig: MarkerEyes(rig.camera.calibration, rig.board)`.
-        pictures: whether frames carry pictures; None for where they are looked at.
-        seed: of the first episode, >= 0; one seed and the same actions give the same episodes.
+        pictures: whether frames carry pictures; None for only if they are needed.
+        seed: seed of the first episode, >= 0; the same seed and actions give the same episodes.
 
     Raises:
         ConfigError: the scenario or the seed cannot be used.
@@ -243,18 +243,18 @@ def make(
     return Environment(
         Physics(lambda seed: TwinRig(loaded, seed=seed, pictures=taken), seed),
         TargetLockTask(None if pixels else eyes),
-        time_limit=(periods - 0.5) * PERIOD_S,  # half a period off, where rounding cannot matter
+        time_limit=(periods - 0.5) * PERIOD_S,  # half a period less, so that rounding cannot matter
         control_timestep=PERIOD_S,
     )
 
 
 def reward(error_deg: float) -> float:
-    """Return the reward of an error [deg], from 0 to 1; see the module's description."""
+    """Return the reward of an error [deg], from 0 to 1; see the description of the module."""
     return 1.0 / (1.0 + (error_deg / HALF_ERROR_DEG) ** 2)
 
 
 def _ranges(rig: TwinRig) -> dict[str, tuple[Vector, Vector]]:
-    """Bounds of every observation that is a number, lowest and highest."""
+    """Return the lowest and highest value of every observation but pixels."""
     limits, camera = rig.actuators.limits, rig.camera.calibration
     low, high = MARGIN * np.transpose(limits.position_rad)
     speed = MARGIN * np.array(limits.velocity_rad_s)

@@ -1,8 +1,8 @@
-"""Hardware in the loop: the bench's own drivers, with the twin at the far end of a serial line.
+"""Hardware in the loop: the drivers of the bench, with the twin behind a serial line.
 
-Handles are reached through port, bus and drive as on a bench, from this process; the twin, its
-emulated servos and its cameras live in another one. In lock-step a run equals that of `TwinRig` bit
-for bit; by the wall it shows what time the line and the programs take.
+This process accesses the handles through port, bus and drive as on a bench; the twin, its emulated
+servos and its cameras run in a server process. In lock-step a run is bit-identical to that of
+`TwinRig`; in wall-clock mode it shows the time spent on the line and in the programs.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario, load
 
 LOCK_STEP_TIMEOUT_S = 2.0
-"""Where time stands still while the bus talks, an answer may take as long as a busy machine needs
-[s]."""
+"""Time-out of the bus in lock-step, where simulated time does not pass during a transfer [s]: long
+enough for a busy machine."""
 FAREWELL_S = 10.0
-"""The far end gets so long to end [s]."""
+"""Time that the server has to end [s]."""
 
 
 class HilRig(ClosingRig):
@@ -48,14 +48,14 @@ class HilRig(ClosingRig):
 
     Args:
         scenario: name, TOML file or loaded scenario.
-        instrument: what the endoscope is made of; `pretensioned` if None.
-        numerics: how finely it is simulated; the defaults if None.
-        seed: of every random number, >= 0.
-        pictures: whether frames carry pictures; without, vision must take the truth.
+        instrument: parameters of the endoscope; `pretensioned` if None.
+        numerics: resolution of the simulation; the defaults if None.
+        seed: seed of all random numbers, >= 0.
+        pictures: whether frames carry pictures; if not, vision must use the truth.
         overview: whether the fixed camera takes pictures too.
-        wall: whether time is that of the wall; else all wait for each other.
-        paced: whether the line is as slow as a wire.
-        faults: what goes wrong on it.
+        wall: whether time is wall-clock time; otherwise rig and server run in lock-step.
+        paced: whether bytes take as long as on a real wire.
+        faults: faults of the line.
 
     Raises:
         ConfigError: the scenario cannot be used, or pictures cannot be rendered.
@@ -117,15 +117,15 @@ class HilRig(ClosingRig):
         self.truth = _FarTruth(self._far)
 
     def describe(self) -> Mapping[str, Any]:
-        """Return what the twin says of itself, and the line, as plain values."""
+        """Return the description of the twin, and that of the line, as plain values."""
         return {**self._described, "line": self.drive.describe()}
 
     def aim(self, pixel: tuple[float, float]) -> None:
-        """Make the point of the board that is seen at a pixel now the target."""
+        """Make the point of the board that is now seen at a pixel the target."""
         self.board = self._far.call("aim", pixel)
 
     def close(self) -> None:
-        """Switch the handles off and end the far end; may be called twice."""
+        """Switch the handles off and end the server; may be called twice."""
         close_all(self.actuators.close, self.line.close, self._far.close)
 
 
@@ -140,34 +140,34 @@ def _need_linux() -> None:
 
 
 class _Far:
-    """The other process, and the side channel to it."""
+    """The server process, and the side channel to it."""
 
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
             theirs.set_inheritable(True)
             command = [sys.executable, "-m", "endolock.twin.hil.hil_server", str(theirs.fileno())]
-            # In a session of its own a Ctrl-C stops us, and we stop the handles first.
+            # In its own session it does not receive Ctrl-C, so that we can stop the handles first.
             self._process = subprocess.Popen(
                 command, pass_fds=[theirs.fileno()], start_new_session=True
             )
         self._channel: Connection | None = Connection(ours.detach())
 
     def start(self, setup: Setup) -> Any:
-        """Tell it what to be."""
+        """Send the set-up; return what the server offers."""
         return self._exchange(setup)
 
     def call(self, name: str, *args: Any) -> Any:
-        """Ask it for something.
+        """Call a function of the server.
 
         Raises:
-            ConfigError, LookupError: as there.
-            HardwareError: it is not there any more.
+            ConfigError, LookupError: raised by the function.
+            HardwareError: the server has ended.
         """
         return self._exchange((name, args))
 
     def close(self) -> None:
-        """End it; may be called twice."""
+        """End the server; may be called twice."""
         if self._channel is None:
             return
         self._channel.close()
@@ -186,7 +186,7 @@ class _Far:
             kind, value = self._channel.recv()
         except (EOFError, ConnectionError):
             raise HardwareError(
-                "the emulated bench has ended by itself",
+                "the server of the emulated bench has ended",
                 "read its message above, then start again",
                 t=0.0,
             ) from None
@@ -196,7 +196,7 @@ class _Far:
 
 
 class _LockStep:
-    """Time of the twin at the far end: sleeping on it makes that move."""
+    """Time of the twin in the server: sleeping advances it."""
 
     realtime = False
 
@@ -237,7 +237,7 @@ class _FarTracker:
 
 
 class _FarTruth:
-    """What the twin knows."""
+    """Ground truth of the twin."""
 
     def __init__(self, far: _Far) -> None:
         self._far = far

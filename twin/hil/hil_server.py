@@ -1,8 +1,8 @@
-"""The far end of a hardware-in-the-loop rig: twin and emulated bus in a process of their own.
+"""Server process of a hardware-in-the-loop rig: the twin and an emulated bus.
 
-Beside the serial bytes on a pty there is a side channel, for what a bench gets by other ways: time,
-pictures, tracker poses, and the truth. In lock-step the twin moves only when it is told a time;
-else it follows the wall. The process ends with the side channel.
+Servo packets go through a pty. A side channel carries what does not come through the serial line on
+a bench: time, pictures, tracker poses, and the truth. In lock-step the twin advances only on
+request; otherwise it follows wall-clock time. The process ends when the side channel is closed.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 
 RESTART_S = 0.3
-"""A servo answers nothing for so long after a restart, in wall time [s]. Assumed."""
+"""Time during which a servo does not answer after a restart, in wall-clock mode [s]. Assumed."""
 AWAY_S = 0.005
-"""While nobody has the line open, it is looked at this often [s]."""
+"""Polling period while no program has the line open [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What the near end asks for."""
+    """Parameters of the server."""
 
     scenario: Scenario
     instrument: Instrument
@@ -45,20 +45,20 @@ class Setup:
     pictures: bool
     overview: bool
     wall: bool
-    """Whether time is that of the wall; else lock-step."""
+    """Whether time is wall-clock time; otherwise lock-step."""
     paced: bool
     baud: int
-    """That the servos are set to [1/s]."""
+    """Baud rate of the servos [1/s]."""
     faults: tuple[WireFault, ...]
     link: Path | None = None
-    """Name of the line."""
+    """Symbolic link to the line; None for no link."""
     video: int | None = None
-    """TCP port on which the tip camera's pictures are served."""
+    """TCP port on which the tip camera's pictures are served; None for no stream."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ready:
-    """What the near end is told."""
+    """What the server offers, sent once it has started."""
 
     port: str
     origin: float | None
@@ -72,10 +72,10 @@ class Ready:
 
 
 class HilServer:
-    """A twin whose handles hang on an emulated bus.
+    """A twin whose handles are servos on an emulated bus.
 
     Args:
-        setup: what is asked for.
+        setup: its parameters.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -89,7 +89,7 @@ class HilServer:
             pictures=setup.pictures,
             overview=setup.overview,
         )
-        self.rig.clock.sleep_until(0.0)  # the first picture, and whether there is OpenGL
+        self.rig.clock.sleep_until(0.0)  # takes the first picture, and so tests OpenGL
         now = self.rig.clock.now
         bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
         self.stream = None if setup.video is None else PictureStream(setup.video)
@@ -107,11 +107,11 @@ class HilServer:
         self._shown = -1
         self.wall = wall = WallClock() if setup.wall else None
         if wall is not None:
-            for servo in self.rig.servos:  # physics goes by steps, a servo's clock does not
+            for servo in self.rig.servos:  # physics advances in steps, a servo's clock does not
                 servo.now = lambda: max(now(), wall.now())
 
     def ready(self) -> Ready:
-        """Describe what there is."""
+        """Describe the server to its client."""
         rig = self.rig
         return Ready(
             port=self.line.path,
@@ -125,9 +125,9 @@ class HilServer:
         )
 
     def catch_up(self) -> None:
-        """Let the twin follow the wall, if it does."""
+        """Advance the twin to the present wall-clock time; in lock-step do nothing."""
         if self.wall is not None:
-            # Not beyond the wall: what is measured must have happened.
+            # Not beyond the present time: what is measured must have happened.
             self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
         if self.stream and (frame := _news(self.rig.camera, self._shown)) is not None:
             self._shown = frame.seq
@@ -143,11 +143,11 @@ class HilServer:
                 return
 
     def serve(self, channel: Connection | None, until: Callable[[], bool] = lambda: False) -> None:
-        """Answer the bus and the side channel until it ends, or somebody says so.
+        """Answer bus and side channel until the channel is closed or `until` is true.
 
         Args:
             channel: the side channel, if there is one.
-            until: asked again and again.
+            until: called repeatedly; true ends the server.
         """
         if sys.platform == "win32":
             raise ConfigError("the emulated serial line needs Linux", "run it there")
@@ -156,19 +156,19 @@ class HilServer:
             poll.register(channel.fileno(), select.POLLIN)
         while not until():
             self.catch_up()
-            if self.line.fileno() != there:  # plugged in anew
+            if self.line.fileno() != there:  # plugged in again
                 if there >= 0:
                     poll.unregister(there)
                 there = self.line.fileno()
                 if there >= 0:
                     poll.register(there, select.POLLIN)
-            # In lock-step there is no hurry; the twin of a wall moves on by its own steps.
+            # In lock-step there is no hurry; in wall-clock mode the twin advances every time step.
             found = dict(poll.poll(None if self.wall is None else 1e3 * self.rig.clock.timestep_s))
             flags = found.get(there, 0)
             if flags & select.POLLIN:
                 self.catch_up()
                 self.emulator.answer()
-            elif flags and len(found) == 1:  # nobody has it open, and nothing tells when
+            elif flags and len(found) == 1:  # not open anywhere, and opening it is no event
                 time.sleep(AWAY_S)
             if channel and channel.fileno() in found:
                 self.catch_up()
@@ -179,7 +179,7 @@ class HilServer:
                 channel.send(self._call(name, args))
 
     def close(self) -> None:
-        """Give everything back."""
+        """Release all resources."""
         if self.stream:
             self.stream.close()
         self.line.close()
@@ -194,31 +194,31 @@ class HilServer:
             return "error", ConfigError(str(error))
 
     def on_sleep(self, t: float) -> float:
-        """Go on to a time [s]."""
+        """Advance to a time [s]; return the time reached."""
         return self.rig.clock.sleep_until(t)
 
     def on_frame(self, newest: int) -> Frame | None:
-        """Return the newest frame, unless it is that one."""
+        """Return the newest frame, None if its number is `newest`."""
         return _news(self.rig.camera, newest)
 
     def on_overview(self, newest: int) -> Frame | None:
-        """Return the fixed camera's newest frame, unless it is that one."""
+        """Return the newest frame of the fixed camera, None if its number is `newest`."""
         return _news(self.rig.overview, newest) if self.rig.overview else None
 
     def on_pose(self) -> Pose | None:
-        """Return the tracker's newest pose."""
+        """Return the newest pose of the tracker."""
         return self.rig.tracker.latest() if self.rig.tracker else None
 
     def on_truth(self) -> TruthSample:
-        """Return the truth now."""
+        """Return the truth at the present time."""
         return self.rig.truth.now()
 
     def on_exposure(self, seq: int) -> TruthSample:
-        """Return the truth at an exposure."""
+        """Return the truth at the exposure of a frame."""
         return self.rig.truth.at_exposure(seq)
 
     def on_aim(self, pixel: tuple[float, float]) -> BoardGeometry:
-        """Make what is seen at a pixel the target."""
+        """Make the point of the board that is seen at a pixel the target; return the board."""
         self.rig.aim(pixel)
         return self.rig.board
 
@@ -229,24 +229,24 @@ def _news(camera: TwinCamera, newest: int) -> Frame | None:
 
 
 def main(descriptor: int) -> int:
-    """Serve the near end at the other end of a socket; return the exit code."""
+    """Serve the client at the other end of a socket; return the exit code."""
     channel = Connection(descriptor)
     try:
-        end = HilServer(channel.recv())
+        server = HilServer(channel.recv())
     except ConfigError as error:
         channel.send(("error", error))
         return 2
     try:
-        channel.send(("done", end.ready()))
-        end.serve(channel)
+        channel.send(("done", server.ready()))
+        server.serve(channel)
     except BrokenPipeError:
-        pass  # the near end was killed
+        pass  # the client was killed
     finally:
-        end.close()
+        server.close()
     return 0
 
 
 if __name__ == "__main__":
-    from endolock.twin.hil import hil_server  # what it sends must not belong to __main__
+    from endolock.twin.hil import hil_server  # the classes it sends must not belong to __main__
 
     sys.exit(hil_server.main(int(sys.argv[1])))

@@ -1,4 +1,4 @@
-"""The pictures that are printed on the boards of `hw/boards.py`."""
+"""Draws the prints of the boards of `hw/boards.py`."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ CENTRE_M = 0.044
 """Side of the middle square with the finer texture [m]."""
 TEXELS_PER_MM = 6
 CENTRE_TEXELS_PER_MM = 24
-"""Whole texels for every module of a marker, six to a side; 2.7 a pixel at 12 cm, 1.4 at 1.5 cm
-with f = 262 px. Markers are found best at 1-3."""
+"""Resolutions at which the modules of the markers, six to a side, are whole texels. One pixel
+covers 2.7 texels at 12 cm and 1.4 at 1.5 cm with f = 262 px; markers are found best at 1-3."""
 PAPER = (236, 232, 222)
 INK = (26, 24, 28)
 RED = (178, 34, 48)
 
 
 def picture(board: PrintedBoard, side_m: float, texels_per_mm: int) -> Image:
-    """Draw the middle of a board as it is printed, RGB.
+    """Draw the middle of a board as printed, RGB.
 
     Args:
-        board: what to draw; marker sides must be whole modules at that resolution.
+        board: the board; its marker modules must be whole texels at this resolution.
         side_m: side of the square to draw, around the board's centre [m].
-        texels_per_mm: resolution.
+        texels_per_mm: resolution [1/mm].
     """
     scale = texels_per_mm * 1000.0
     n = round(side_m * scale)
@@ -49,9 +49,9 @@ def picture(board: PrintedBoard, side_m: float, texels_per_mm: int) -> Image:
 
 
 def decoy() -> Image:
-    """Draw a round target on paper that resembles that of the board: other widths, other colours.
+    """Draw a round target on paper that resembles that of the board in other widths and colours.
 
-    Its side is 30 mm, its radius 3.5 mm.
+    The paper is 30 mm wide, the radius of the target 3.5 mm.
     """
     n = 30 * CENTRE_TEXELS_PER_MM // 2
     image = np.full((n, n, 3), PAPER, np.uint8)
@@ -63,7 +63,7 @@ def decoy() -> Image:
 
 
 def rings(radius: float) -> tuple[tuple[float, tuple[int, int, int]], ...]:
-    """Discs of the round target, from the largest to the smallest: radius and colour."""
+    """Return the discs of the round target, largest first: radius and colour."""
     shares = ((1.0, INK), (0.87, PAPER), (0.73, RED), (0.27, PAPER), (0.1, INK))
     return tuple((radius * share, colour) for share, colour in shares)
 
@@ -74,7 +74,7 @@ def _draw_rings(image: Image, centre: np.ndarray, radius: float, _seed: int) -> 
 
 
 def _disc(image: Image, centre: np.ndarray, radius: float, colour: tuple[int, int, int]) -> None:
-    """Fill a circle; drawing with 4 fractional bits puts centres between texels."""
+    """Fill a circle, whose centre may lie between texels."""
     fixed_point = tuple(int(v) for v in np.rint(centre * 16))
     cv2.circle(image, fixed_point, round(radius * 16), colour, cv2.FILLED, cv2.LINE_AA, shift=4)
 
@@ -83,8 +83,8 @@ def _draw_tissue(image: Image, centre: np.ndarray, radius: float, seed: int) -> 
     side = 2 * round(radius)
     disc = tissue.disc(side, seed)
     u, v = np.rint(centre + 0.5 - side / 2).astype(int)
-    place = image[v : v + side, u : u + side]
-    place[...] = np.where(disc.any(axis=2, keepdims=True), disc, place)
+    area = image[v : v + side, u : u + side]
+    area[...] = np.where(disc.any(axis=2, keepdims=True), disc, area)
 
 
 DRAWN: dict[str, Callable[[Image, np.ndarray, float, int], None]] = {

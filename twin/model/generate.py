@@ -1,6 +1,6 @@
-"""Writes models/endoscope: section.xml, scene.xml and the pictures on board and wall.
+"""Writes models/endoscope: section.xml, scene.xml and the textures of board and wall.
 
-Run it after a change of the builders: ./run python -m endolock.twin.model.generate
+Run it after changing the builders: ./run python -m endolock.twin.model.generate
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ def section_xml() -> str:
 
 
 def scene_xml() -> str:
-    """Return the text of scene.xml, which includes section.xml; its pictures must exist."""
+    """Return the text of scene.xml, which includes section.xml; its textures must exist."""
     text = scene.build_alone(folder()).to_xml()
     head, rest = text.split("  <compiler", 1)
     return _wrapped(f'{head}  <include file="section.xml"/>\n\n  <compiler{rest}')
 
 
 def _wrapped(text: str) -> str:
-    """Break lines, at attributes where possible, so that none is longer than `COLUMNS`."""
+    """Break lines, at attributes where possible, so that no line is longer than `COLUMNS`."""
     lines = []
     for line in text.splitlines():
         indent = re.match(r" *(<\w+ )?", line)
@@ -54,13 +54,13 @@ def _wrapped(text: str) -> str:
 
 def main() -> None:
     """Write all files."""
-    place = folder()
+    target = folder()
     for name, image in scene.pictures(boards.all_boards()["rings"]).items():
-        file = place / scene.TEXTURES[name]
+        file = target / scene.TEXTURES[name]
         file.parent.mkdir(exist_ok=True)
         cv2.imwrite(str(file), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    (place / "section.xml").write_text(section_xml(), encoding="utf-8")
-    (place / "scene.xml").write_text(scene_xml(), encoding="utf-8")
+    (target / "section.xml").write_text(section_xml(), encoding="utf-8")
+    (target / "scene.xml").write_text(scene_xml(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Builds what stands around the section: the target board, the wall behind it, the fixed camera.
+"""Builds the surroundings of the section: target board, wall behind it, occluders, fixed camera.
 
-Board and occluders are mocap bodies: they move as they are told and nothing pushes them.
+Board and occluders are mocap bodies: their poses are set, and no force moves them.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from endolock.twin.model import drawing, section, tissue
 from endolock.twin.world.instrument import Instrument, Numerics
 
 TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_centre", "wall")}
-"""The printed board, its middle and the wall behind it, beside scene.xml."""
+"""Textures of the board, its middle and the wall, relative to scene.xml."""
 WALL_M = 3.0
 WALL_TILE_M = 0.20
-"""Side of the wall, and of the piece of tissue that repeats on it [m]. Assumed."""
+"""Side of the wall, and of the tissue texture that repeats on it [m]. Assumed."""
 FACETS = 24
-"""Cells to a side of board and wall where light falls off: it is worked out at their corners."""
+"""Cells per side of board and wall where light falls off: it is computed at their corners."""
 TIP_LIGHT_M = 0.05
-"""Where the tip's light is as bright with its fall-off as without [m]. Assumed."""
+"""Distance at which the tip's light is as bright with fall-off as without [m]. Assumed."""
 REST_DISTANCE_M = 0.12
 """Board to tip camera in the committed scene [m]. Source: 12 cm, thesis ch. 6."""
 WALL_DISTANCE_M = 0.10
-"""Wall behind the board [m]. Assumed; it fills the picture, nothing else."""
+"""Wall behind the board [m]. Assumed; it only fills the picture."""
 OVERVIEW_POSITION = (-0.10, 0.11, 0.17)
 OVERVIEW_TARGET = (0.17, -0.025, -0.015)
-"""Where the fixed camera stands and what it looks at [m]: it sees the board's front and the
-section, which hides no marker in any scenario."""
+"""Position of the fixed camera and point it looks at [m]. It sees the section and the front of the
+board, and the section hides no marker in any scenario."""
 OVERVIEW_FOVY_DEG = 50.0
 
 WORLD_FROM_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -41,14 +41,14 @@ WORLD_FROM_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
 
 OCCLUDER_THICKNESS_M = 0.002
 OCCLUDER_COLOUR = (0.50, 0.43, 0.40, 1.0)
-"""A plate in front of the board. Assumed: greyish brown, duller than the wall."""
+"""Colour of a plain occluder. Assumed: greyish brown, duller than the wall."""
 
 DECOY_M = 0.03
-"""Side of the piece with one decoy that repeats on an occluder [m]."""
+"""Side of the texture with one decoy that repeats on an occluder [m]."""
 
 
 class Plate(NamedTuple):
-    """An occluder; see `scenario.Occluder`."""
+    """An occluder; see `scenario_sections.Occluder`."""
 
     size_m: tuple[float, float]
     look: str
@@ -60,12 +60,12 @@ endolock.twin.model.generate."""
 
 
 def camera_at_rest(instrument: Instrument) -> Vector:
-    """World position of the tip camera at rest [m]: the origin of the base frame."""
+    """Return the world position of the tip camera at rest [m], the origin of the base frame."""
     return np.array([instrument.bending_length_m + instrument.rigid_tip_m, 0.0, 0.0])
 
 
 def pictures(board: boards.PrintedBoard) -> dict[str, Image]:
-    """Draw what `TEXTURES` names."""
+    """Draw the textures named in `TEXTURES`."""
     return {
         "board": drawing.picture(board, boards.SIZE_M, drawing.TEXELS_PER_MM),
         "board_centre": drawing.picture(board, drawing.CENTRE_M, drawing.CENTRE_TEXELS_PER_MM),
@@ -83,17 +83,17 @@ def add_scene(
     """Add board, wall, lights, fixed camera and occluders to a model.
 
     Args:
-        spec: the model; its texture directory must hold the pictures.
+        spec: the model; its texture folder must hold the textures.
         board: the board's geometry.
         camera: world position of the tip camera at rest [m].
-        occluders: plates; they wait halfway to the board, and the origin of a body is the centre
-            of the face towards the camera.
-        facets: cells to a side of board and wall.
+        occluders: plates, placed halfway to the board; the origin of their bodies is the centre of
+            the face towards the camera.
+        facets: cells per side of board and wall.
     """
     spec.stat.extent = 0.2
     visual = spec.visual
     visual.map.znear, visual.map.zfar = 0.005, 10.0
-    # Few facets and no multi-sampling: a third of the time, no loss to the markers.
+    # Few facets and no multi-sampling: a third of the time, markers are found as well.
     visual.quality.offsamples = 0
     visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 12, 4, 24
     visual.global_.offwidth, visual.global_.offheight = 640, 480
@@ -143,7 +143,7 @@ def add_scene(
 
 
 Cells = tuple[list[tuple[float, float]], list[tuple[int, int, int]]]
-"""Corners (right, up) [m], and triangles of their numbers."""
+"""Corners (right, up) [m], and triangles as indices of corners."""
 
 
 def _grid(half: float, cells: int) -> Cells:
@@ -159,11 +159,12 @@ def _frame(half: float, hole: float, cells: int) -> Cells:
     return _cells(lines, lines, lambda x, y: max(abs(x), abs(y)) > hole)
 
 
-def _cells(x: Vector, y: Vector, wanted: Callable[[float, float], bool]) -> Cells:
+def _cells(x: Vector, y: Vector, included: Callable[[float, float], bool]) -> Cells:
+    """Cut a grid into cells of two triangles, those whose middle is included."""
     columns = len(x)
     triangles = []
     for row, column in np.ndindex(len(y) - 1, columns - 1):
-        if wanted((x[column] + x[column + 1]) / 2, (y[row] + y[row + 1]) / 2):
+        if included((x[column] + x[column + 1]) / 2, (y[row] + y[row + 1]) / 2):
             first = row * columns + column
             triangles += [
                 (first, first + 1, first + columns + 1),
@@ -173,9 +174,9 @@ def _cells(x: Vector, y: Vector, wanted: Callable[[float, float], bool]) -> Cell
 
 
 def _add_sheet(spec: mujoco.MjSpec, body: str, name: str, cells: Cells, tile_m: float) -> None:
-    """Add a flat mesh with its texture, one piece of which is `tile_m` wide, centred.
+    """Add a flat mesh with a texture that repeats every `tile_m` metres, centred.
 
-    Triangles with given texture corners: a plane takes twice as long to draw.
+    A mesh with texture coordinates, because a plane takes twice as long to draw.
     """
     corners, triangles = cells
     sheet = spec.add_mesh(name=name)
@@ -189,7 +190,7 @@ def _add_sheet(spec: mujoco.MjSpec, body: str, name: str, cells: Cells, tile_m: 
 
 
 def _add_plate(spec: mujoco.MjSpec, name: str, plate: Plate) -> None:
-    """Add the geom of an occluder: a plain box, or a sheet with a picture."""
+    """Add the geom of an occluder: a plain box, or a textured sheet."""
     width, height = plate.size_m
     if plate.look == "plain":
         box = spec.body(name).add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, material="plain")
@@ -217,7 +218,7 @@ def _fill(texture: mujoco.MjsTexture, image: Image) -> None:
 def set_light(
     spec: mujoco.MjSpec, room: float, tip: float, back: float, *, falls_off: bool
 ) -> None:
-    """Set the brightness of room, tip and board [1]; see `scenario.Light`."""
+    """Set the brightness of room light, tip light and board [1]; see `scenario_sections.Light`."""
     spec.visual.headlight.ambient = room * np.array(spec.visual.headlight.ambient)
     for name, part in (("room", room), ("tip", tip)):
         spec.light(name).diffuse = part * np.array(spec.light(name).diffuse)
@@ -228,16 +229,16 @@ def set_light(
 
 
 def board_quaternion(base_from_board: Vector) -> rotation.Quaternion:
-    """Return the orientation of the board's body in the world, for its mocap."""
+    """Return the orientation of the board's mocap body in the world."""
     facing = np.diag([1.0, -1.0, -1.0])  # the body has x right, y up, z towards the camera
     return rotation.from_matrix(WORLD_FROM_BASE @ base_from_board @ facing)
 
 
 def build_alone(folder: Path) -> mujoco.MjSpec:
-    """Build the scene without the section, as scene.xml holds it.
+    """Build the scene without the section, as in scene.xml.
 
     Args:
-        folder: where scene.xml is or will be; the board's picture must be there already.
+        folder: folder of scene.xml; the textures must be there already.
     """
     spec = mujoco.MjSpec()
     spec.modelfiledir = str(folder)
@@ -259,11 +260,11 @@ def build(
     """Build section and scene in one model, ready to compile.
 
     Args:
-        instrument: what the section is made of; the defaults if None.
-        numerics: how finely it is cut; the defaults if None.
-        board: which board, by name.
+        instrument: parameters of the section; the defaults if None.
+        numerics: resolution of the simulation; the defaults if None.
+        board: name of the board.
         occluders: plates between tip and board.
-        facets: cells to a side of board and wall.
+        facets: cells per side of board and wall.
     """
     instrument = instrument or Instrument()
     spec = section.build(instrument, numerics)
@@ -280,7 +281,7 @@ def camera_id(model: mujoco.MjModel, name: str) -> int:
     """Look up a camera by name.
 
     Raises:
-        ConfigError: there is none of that name.
+        ConfigError: there is no camera of that name.
     """
     index = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name))
     if index < 0:

@@ -1,7 +1,7 @@
-"""A picture that looks like tissue to a tracker: pink, blotchy, with vessels, and seamless.
+"""Draws a seamless texture that resembles tissue: pink and blotchy, with vessels.
 
-It is random noise whose spectrum falls with frequency: a coarse field for the colour, the zero
-lines of a middle one as vessels, a fine one as grain. Assumed, as a stand-in for mucosa.
+It is made of smooth random fields: a coarse one for the colour, the zero lines of two finer ones as
+vessels, a fine one as grain. Assumed, as a stand-in for mucosa.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ VESSEL = (150, 44, 48)
 
 
 def picture(pixels: int, period: float, seed: int) -> Image:
-    """Draw a seamless square, RGB.
+    """Draw a seamless square texture, RGB.
 
     Args:
-        pixels: its side [px].
-        period: size of the blotches [px]; vessels are about an eighth as far apart.
-        seed: of the noise.
+        pixels: side of the square [px].
+        period: size of the blotches [px]; vessels are about an eighth of it apart.
+        seed: seed of the noise.
     """
     random = np.random.default_rng(seed)
     coarse = _field(random, pixels, period)
@@ -37,7 +37,7 @@ def picture(pixels: int, period: float, seed: int) -> Image:
 
 
 def _field(random: np.random.Generator, pixels: int, period: float) -> Vector:
-    """Periodic noise of unit variance, smooth below `period` [px]."""
+    """Return periodic noise of unit variance, smooth on scales below `period` [px]."""
     sigma = period / 4
     noise = random.standard_normal((pixels, pixels))
     frequency = np.fft.fftfreq(pixels)
@@ -48,7 +48,7 @@ def _field(random: np.random.Generator, pixels: int, period: float) -> Vector:
 
 
 def disc(diameter: int, seed: int) -> Image:
-    """Draw a round patch in a square picture of that side [px], black outside."""
+    """Draw a round patch of that diameter [px] in a square picture, black outside."""
     image = picture(diameter, diameter / 3, seed)
     inside = np.zeros((diameter, diameter), np.uint8)
     centre = (diameter - 1) * 8

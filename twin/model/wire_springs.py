@@ -10,19 +10,19 @@ from endolock.control.transmission import cable
 from endolock.twin.world.instrument import Instrument
 
 LEAST_FRICTION_N = 1e-6
-"""Friction bound of a node without tension [N]: zero would take its row out of the solver."""
+"""Friction bound of a node without tension [N]: zero would remove its row from the solver."""
 
 
 def spring_stiffness(
     instrument: Instrument, nodes: int, shaft_bend_rad: float, bend_rad: float
 ) -> list[float]:
-    """Stiffness of the springs of one wire from handle to section [N/m], nodes + 1 of them.
+    """Return the stiffness of the nodes + 1 springs of one wire from handle to section [N/m].
 
     Args:
         instrument: parameters of wire and conduit.
         nodes: friction nodes per wire.
         shaft_bend_rad: bend of the shaft [rad].
-        bend_rad: bend of the section, both axes together [rad], >= 0.
+        bend_rad: magnitude of the bend of the section [rad], >= 0.
     """
     k = instrument.wire_stiffness
     conduit_exponent = instrument.conduit_exponent_at(shaft_bend_rad)
@@ -31,9 +31,9 @@ def spring_stiffness(
 
 
 def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> list[float]:
-    """Positions of the friction nodes of a wire at rest [m], where all its springs pull alike.
+    """Return the positions of the friction nodes of a wire at rest [m].
 
-    The handles are at zero.
+    All its springs have the same tension, and the handles are at zero.
 
     Args:
         instrument: parameters of wire and conduit.
@@ -46,7 +46,7 @@ def rest_slides(instrument: Instrument, nodes: int, shaft_bend_rad: float) -> li
 
 
 def rest_friction(instrument: Instrument, nodes: int) -> list[float]:
-    """Friction bounds of the nodes of a wire at rest with a straight shaft [N]."""
+    """Return the friction bounds of the nodes of a wire at rest, shaft straight [N]."""
     stretch = -rest_slides(instrument, nodes, 0.0)[0]
     tension = stretch * spring_stiffness(instrument, nodes, 0.0, 0.0)[0]
     ratios = cable.friction_ratios(instrument.conduit_exponent_at(0.0), 0.0, nodes)

@@ -1,9 +1,9 @@
-"""What the twin is checked against: closed forms and solvers that share nothing with MuJoCo.
+"""Closed forms and solvers that verify the twin; they share nothing with MuJoCo.
 
 The bending section has N hinges of pitch h = L/N, alternating between the axes, wire holes at
 radius r midway between them, and stiffness K N/2 per hinge, so that n = N/2 hinges of an axis bend
-by q = theta/n each under the same moment K theta. Over one hinge a wire in its plane is
-h cos(q/2) -+ 2 r sin(q/2) long, one across it h cos(q/2).
+by q = theta/n each under the same moment K theta. Over one hinge, a wire in the plane of the
+bend is h cos(q/2) -+ 2 r sin(q/2) long, a wire out of it h cos(q/2).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class PulledSection:
     """A section bent in one plane by one wire; the other three are slack.
 
     Args:
-        instrument: its parameters; without pretension and sheath friction.
+        instrument: its parameters, without pretension and sheath friction.
         hinges: N, even.
         shaft_bend_rad: bend of the shaft [rad].
     """
@@ -37,35 +37,35 @@ class PulledSection:
     shaft_bend_rad: float
 
     def pull(self, bend_rad: Vector) -> Vector:
-        """Wire that the bend takes in [m]: L - n (h cos(q/2) - 2 r sin(q/2)) - n h."""
+        """Return the wire that a bend takes up [m]: L - n (h cos(q/2) - 2 r sin(q/2)) - n h."""
         h, q = self._pitch_and_angle(bend_rad)
         r, n = self.instrument.wire_radius_m, self.hinges / 2
         return np.asarray(n * (h - h * np.cos(q / 2) + 2 * r * np.sin(q / 2)))
 
     def tension(self, bend_rad: Vector) -> Vector:
-        """Tension at the section that holds the bend [N], K theta over the wire's lever.
+        """Return the tension at the section that holds the bend [N], K theta over the lever arm.
 
-        The lever is r cos(q/2) + h/2 sin(q/2).
+        The lever arm of the wire is r cos(q/2) + h/2 sin(q/2).
         """
         h, q = self._pitch_and_angle(bend_rad)
         lever = self.instrument.wire_radius_m * np.cos(q / 2) + h / 2 * np.sin(q / 2)
         return np.asarray(self.instrument.bending_stiffness * bend_rad / lever)
 
     def stretch(self, tension_n: Vector, bend_rad: Vector, *, pulling: bool) -> Vector:
-        """Travel that goes into the cable while all of it slides, T/k {A or B} [m]."""
+        """Return the stretch of the cable while all of it slides, T/k {A or B} [m]."""
         slopes = [self._slopes(bend)[0 if pulling else 1] for bend in bend_rad]
         return np.asarray(tension_n / self.instrument.wire_stiffness * slopes)
 
     def handle(self, bend_rad: Vector, *, pulling: bool) -> Vector:
-        """Handle angle while all of the wire slides [rad], (slack + pull + stretch) / r_p."""
+        """Return the handle angle while the wire slides [rad]: (slack + pull + stretch)/r_p."""
         stretch = self.stretch(self.tension(bend_rad), bend_rad, pulling=pulling)
         travel = self.instrument.slack_at(self.shaft_bend_rad) + self.pull(bend_rad) + stretch
         return np.asarray(travel / self.instrument.pulley_radius_m)
 
     def distal_tensions(self, handle_rad: Vector, bend_rad: Vector) -> Vector:
-        """Tension at the section along any handle motion [N], T = clip(T, k d/A, k d/B).
+        """Return the tension at the section along a handle motion [N], T = clip(T, k d/A, k d/B).
 
-        d is what the handle has pulled in beyond slack and bend; exact while the tip only follows.
+        d is the travel of the handle beyond slack and bend. Exact if the tip only follows the wire.
         """
         slack = self.instrument.slack_at(self.shaft_bend_rad)
         travel = self.instrument.pulley_radius_m * handle_rad - slack - self.pull(bend_rad)
@@ -88,12 +88,12 @@ class PulledSection:
 
 
 def reversal(conduit_exponent: float, peak_n: float, nodes: int) -> tuple[Vector, Vector]:
-    """Tension at the handle of a pulled cable that is given back before its far end moves.
+    """Return the tension at the handle after a reversal, before the far end of the cable moves.
 
-    When the wire slides back to a depth x of its conduit (0 to 1), and beyond still stands under
-    T = peak e^(-a s), the handle's tension is peak e^(-2 a x), after k times a travel of
-    (peak/a) (1 - e^(-a x))^2. Nodes slide one after the other: they meet that curve at x = 0, 1/n,
-    2/n ... 1 and go straight in between.
+    When the wire slides back up to a depth x of its conduit (0 to 1), and the rest still has the
+    tension T = peak e^(-a s), the tension at the handle is peak e^(-2 a x), after a travel of
+    (peak/a) (1 - e^(-a x))^2 / k. Nodes slide one after the other: they meet that curve at x = 0,
+    1/n, 2/n ... 1 and go straight in between.
 
     Args:
         conduit_exponent: capstan exponent a of the conduit [1], > 0.
@@ -101,7 +101,7 @@ def reversal(conduit_exponent: float, peak_n: float, nodes: int) -> tuple[Vector
         nodes: number n of nodes.
 
     Returns:
-        Travel of the handle's end times k [N], and tension there [N], at the n + 1 corners.
+        Travel at the handle times k [N], and tension at the handle [N], at the n + 1 corners.
     """
     a, x = conduit_exponent, np.arange(nodes + 1) / nodes
     return peak_n / a * (1 - np.exp(-a * x)) ** 2, peak_n * np.exp(-2 * a * x)
@@ -110,13 +110,13 @@ def reversal(conduit_exponent: float, peak_n: float, nodes: int) -> tuple[Vector
 def static_hinges(
     instrument: Instrument, hinges: int, handles: tuple[float, float], *, gravity: bool
 ) -> Vector:
-    """Hinge angles at rest of a section without friction, from its balance of moments.
+    """Return the hinge angles at rest of a section without friction, from the balance of moments.
 
     Args:
-        instrument: its parameters; friction and sheath are left out.
+        instrument: its parameters; friction and sheath are ignored.
         hinges: N, even.
         handles: (up_down, left_right) [rad].
-        gravity: whether it hangs under its own weight.
+        gravity: whether the section has weight.
 
     Returns:
         N angles from base to tip, up_down and left_right in turn [rad].
@@ -127,7 +127,7 @@ def static_hinges(
     mass = np.full(hinges, instrument.section_mass_kg / hinges)
 
     def weight_moments(q: Vector) -> Vector:
-        """Moments of the weight about the hinges [N m]."""
+        """Return the moments of the weight about the hinges [N m]."""
         rotation, place = np.eye(3), np.array([h / 2, 0.0, 0.0])
         pivots, turned, centres = [], [], []
         for n in range(hinges):
@@ -148,7 +148,7 @@ def static_hinges(
         )
 
     def moments(q: Vector) -> Vector:
-        """All moments about the hinges [N m]; zero at rest."""
+        """Return the sum of all moments about the hinges [N m]; zero at rest."""
         total = -instrument.bending_stiffness * hinges / 2 * q
         across = h * np.cos(q / 2)
         for axis in (0, 1):

@@ -1,4 +1,4 @@
-"""A handle motor of the twin, as a servo turns it."""
+"""The handle motors of the twin, behind the interface of an emulated servo."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from endolock.twin.world.instrument import Instrument
 
 
 class TwinMotor:
-    """One rate-limited position motor; see `hw.servo.Motor`.
+    """One rate-limited position motor; see `hw.emulator.servo_model.Motor`.
 
     Args:
-        plant: the handle belongs to it.
-        axis: which one.
+        plant: the plant of the handle.
+        axis: name of the axis.
     """
 
     def __init__(self, plant: TwinPlant, axis: str) -> None:
@@ -36,23 +36,23 @@ class TwinMotor:
         return float(data.qpos[self._position]), float(data.qvel[self._velocity]), current
 
     def aim(self, angle_rad: float) -> None:
-        """Make that the goal."""
+        """Set the goal [rad]."""
         self._plant.data.ctrl[self._motor] = angle_rad
 
     def power(self, on: bool) -> None:
-        """Switch torque; it comes on with the servo's ramp at the present position."""
+        """Switch the torque; the servo's ramp starts from the present position."""
         if on:
             data = self._plant.data
             data.act[self._setpoint] = data.qpos[self._position]
-        # Without torque the geared motor still brakes: of its force kp (goal - q) - kv q', the
-        # second part stays. Assumed.
+        # Without torque the geared motor still brakes: of its torque kp (goal - q) - kv q', the
+        # second term remains. Assumed.
         self._on = on
         kp = self._plant.instrument.handle_kp if on else 0.0
         self._plant.model.actuator_biasprm[self._motor, 1] = -kp
 
 
 def units(instrument: Instrument) -> Units:
-    """Return what the registers of an instrument's servos count in."""
+    """Return the units of the registers of an instrument's servos."""
     return Units(
         position_rad=instrument.encoder_step_rad,
         velocity_rad_s=instrument.speed_step_rad_s,
@@ -61,10 +61,10 @@ def units(instrument: Instrument) -> Units:
 
 
 def servos(plant: TwinPlant, now: Callable[[], float]) -> tuple[Servo, ...]:
-    """Put a servo on each handle of a plant.
+    """Make a servo for each handle of a plant.
 
     Args:
-        plant: its handles are turned.
+        plant: the plant whose handles they turn.
         now: the servos' clock [s].
     """
     counting = units(plant.instrument)
@@ -75,7 +75,7 @@ def servos(plant: TwinPlant, now: Callable[[], float]) -> tuple[Servo, ...]:
 
 
 def handles(instrument: Instrument) -> dict[str, Handle]:
-    """Return how those servos sit on the handles."""
+    """Return how the servos are mounted on the handles."""
     reach, speed = instrument.handle_range_rad, instrument.handle_speed_rad_s
     return {
         axis: Handle(id=number, zero_counts=CENTRE, range_rad=(-reach, reach), speed_rad_s=speed)

@@ -17,7 +17,7 @@ from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""In world axes, where a scenario has it [m/s2]."""
+"""Gravity in world axes, for scenarios that have it [m/s2]."""
 
 _CROSS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
 
@@ -29,7 +29,7 @@ _UNSTABLE = (
 
 
 class Snapshot(NamedTuple):
-    """Raw copies out of the physics, in world axes, taken where working them out would cost."""
+    """Raw copies of the state in world axes, from which the truth is computed when needed."""
 
     t: float
     tip: Vector
@@ -43,10 +43,10 @@ class TwinPlant:
     """Section, wires, handles and board of one scenario.
 
     Args:
-        scenario: tells what happens to shaft, tip and board.
-        instrument: what the section is made of.
-        numerics: how finely it is simulated.
-        seed: of what is random in the scenario.
+        scenario: motion of shaft and board, pushes on the tip.
+        instrument: parameters of the section.
+        numerics: resolution of the simulation.
+        seed: seed of the random motions.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class TwinPlant:
         return self.step_count * self.timestep_s
 
     def advance(self, step: int) -> None:
-        """Step the physics up to a grid point, renewing the wire friction every 10 ms."""
+        """Step the physics up to a grid point, updating the wire friction every 10 ms."""
         while self.step_count < step:
             phase = self.step_count % self._refresh_steps
             n = min(step - self.step_count, self._refresh_steps - phase)
@@ -109,7 +109,7 @@ class TwinPlant:
             )
 
     def refresh(self) -> None:
-        """Let shaft, tip force and wire friction follow time and state, as every 10 ms."""
+        """Update shaft, tip force and wire friction from time and state, as every 10 ms."""
         course, t = self.course, self.t
         if course.turns:
             roll = rotation.about((1.0, 0.0, 0.0), course.shaft_roll_rad(t))
@@ -125,9 +125,9 @@ class TwinPlant:
         return (*self.course.board(self.t), self._distance_m + self.course.depth(self.t))
 
     def seen_speed(self) -> float:
-        """Angular speed of what moves fastest in the tip camera's picture, about [rad/s].
+        """Estimate the angular speed of the fastest object in the tip camera's picture [rad/s].
 
-        Board, occluders and wall are looked at, each by its middle and four points around it.
+        Board, occluders and wall are considered, each with its middle and four points around it.
         """
         data, step = self.data, 1e-3
         velocity = np.empty(6)
@@ -141,20 +141,20 @@ class TwinPlant:
         middles = np.vstack([now, (0.0, 0.0, self._distance_m + scene.WALL_DISTANCE_M)])
         around = self._distance_m / 2 * _CROSS
         points = self._origin + (middles[:, None] + around) @ scene.WORLD_FROM_BASE.T
-        way = points - data.cam_xpos[self._camera]
-        moves = speeds[:, None] - velocity[3:] - np.cross(velocity[:3], way)
-        across = np.linalg.norm(np.cross(way, moves), axis=-1)
-        return float((across / np.einsum("...i,...i", way, way)).max())
+        rays = points - data.cam_xpos[self._camera]
+        moves = speeds[:, None] - velocity[3:] - np.cross(velocity[:3], rays)
+        across = np.linalg.norm(np.cross(rays, moves), axis=-1)
+        return float((across / np.einsum("...i,...i", rays, rays)).max())
 
     def draw_board(self) -> None:
-        """Put board and occluders, cameras and lights where they are now, for rendering."""
+        """Place board, occluders, cameras and lights at their present poses, for rendering."""
         places = [self.board_position(), *self.course.occluders(self.t)]
         self.data.mocap_pos[self._moving] = self._origin + places @ scene.WORLD_FROM_BASE.T
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
     def snapshot(self) -> Snapshot:
-        """Copy what the truth about this moment follows from."""
+        """Copy the state from which the truth at this time is computed."""
         data = self.data
         self._update()
         return Snapshot(
@@ -167,7 +167,7 @@ class TwinPlant:
         )
 
     def explain(self, moment: Snapshot) -> tuple[Plant, Vector]:
-        """Work a snapshot out.
+        """Compute the truth of a snapshot.
 
         Returns:
             The state of the plant, and the tip camera's orientation (3x3, base_from_camera).
@@ -190,10 +190,10 @@ class TwinPlant:
         return plant, base_from_camera
 
     def tip_pose(self) -> Pose:
-        """Return the present pose of the tip as a rigid body, at the camera's place.
+        """Return the present pose of the tip as a rigid body, at the position of the camera.
 
-        Its axes are those of the base frame when the section is straight, however the camera is
-        turned in it.
+        Its axes are those of the base frame when the section is straight, whatever the misalignment
+        of the camera.
         """
         self._update()
         tip = self.data.xmat[self._tip].reshape(3, 3)
@@ -206,14 +206,14 @@ class TwinPlant:
             self._current_at = self.step_count
 
     def _with_camera(self, backbone: Vector, tip: Vector) -> Vector:
-        """Points of the section, ending at the tip body, and the camera, in the base frame [m]."""
+        """Return points of the section up to the tip, and the camera, in the base frame [m]."""
         camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
         points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
         return points
 
 
 def _in_camera_axes(body: Vector) -> Vector:
-    """Turn a rotation in world-like axes (distal, left, up) into one in (right, down, distal)."""
+    """Convert a rotation in axes (distal, left, up) to one in axes (right, down, distal)."""
     turned: Vector = scene.WORLD_FROM_BASE.T @ body @ scene.WORLD_FROM_BASE
     return turned
 

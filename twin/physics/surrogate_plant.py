@@ -1,6 +1,7 @@
 """The plant of a surrogate: servos, a transmission without time, a section without inertia.
 
-servos (first-order lag) -> transmission -> constant-curvature section
+The handles follow their goals with a first-order lag; the transmission turns handle angles into
+bends; a bend gives the tip's pose by constant curvature.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ NO_TENSION = (0.0,) * 4
 
 
 class Follower(Protocol):
-    """Both axes with their past."""
+    """Both axes with their history."""
 
     def follow(self, handles: Pair) -> Pair:
-        """Turn the handles to their angles [rad]; return the bends [rad]."""
+        """Turn the handles to these angles [rad]; return the bends [rad]."""
 
 
 class Transmission(Protocol):
-    """What lies between handles and bends: a dataclass of plain values."""
+    """From handle angles to bends: a dataclass of plain values."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def at_rest(self) -> Follower:
-        """Return both axes as they are before the handles turn."""
+        """Return both axes in their state before the handles turn."""
 
 
 class Moment(NamedTuple):
-    """What the truth follows from."""
+    """State from which the truth is computed."""
 
     t: float
     bend: Pair
@@ -52,10 +53,10 @@ class SurrogatePlant:
     """Servos, transmission and section.
 
     Args:
-        scenario: moves the board.
-        transmission: from handles to bends.
-        instrument: gives the lengths.
-        seed: of what is random in the scenario.
+        scenario: motion of the board.
+        transmission: from handle angles to bends.
+        instrument: its lengths are used.
+        seed: seed of the random motions.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class SurrogatePlant:
         return self.step_count * TIMESTEP_S
 
     def advance(self, step: int) -> None:
-        """Go up to a grid point; the goals stay."""
+        """Advance to a grid point with constant goals."""
         keep, axes = self._keep, self._axes
         while self.step_count < step:
             (a, b), (goal_a, goal_b) = self.handles, self.goal
@@ -88,13 +89,13 @@ class SurrogatePlant:
             self.step_count += 1
 
     def snapshot(self) -> Moment:
-        """Copy what the truth about this moment follows from."""
+        """Copy the state from which the truth at this time is computed."""
         t = self.t
-        place = *self.course.board(t), self._distance_m + self.course.depth(t)
-        return Moment(t, self.bend, place)
+        board = *self.course.board(t), self._distance_m + self.course.depth(t)
+        return Moment(t, self.bend, board)
 
     def explain(self, moment: Moment) -> tuple[Plant, Vector]:
-        """Work a moment out: state of the plant, and the camera's orientation."""
+        """Compute the truth of a moment: state of the plant, and orientation of the camera."""
         position, base_from_camera = kinematics.forward(self._geometry, moment.bend)
         x, y, z = position.tolist()
         bent = rotation.from_vector((*moment.bend, 0.0))

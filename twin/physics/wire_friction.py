@@ -1,4 +1,4 @@
-"""Cable-conduit transmission: friction nodes on the wires, renewed from the state every 10 ms.
+"""Friction of the wires in their conduits: friction nodes, updated from the state every 10 ms.
 
 MuJoCo has no capstan friction, so each wire is cut: handle - spring - node - spring - section, with
 several nodes for loads that matter at the handle. The nodes slide with dry friction; stiffness of
@@ -20,31 +20,32 @@ from endolock.twin.model.wire_springs import LEAST_FRICTION_N
 from endolock.twin.world.instrument import WIRES, Instrument
 
 REFRESH_S = 0.010
-"""Period of the renewal [s]; every step costs 1.4-2 times more and changes nothing visible."""
+"""Period of the update [s]. Updating at every step takes 1.4-2 times as long and changes nothing
+visible."""
 ROW_SOFTNESS = 3e-3
-"""Factor on MuJoCo's estimate of the node's inverse inertia: without it a node under load creeps
-several degrees a minute."""
+"""Factor on MuJoCo's estimate of the node's inverse inertia: without it, a node under load creeps
+by several degrees per minute."""
 
 
 class WireFriction:
-    """Keeps the friction nodes of one compiled model in step with its state.
+    """Updates the friction nodes of a compiled model from its state.
 
-    It remembers nothing but addresses: whatever it writes follows from mjData and the shaft bend.
+    It has no state of its own: all that it writes follows from mjData and the bend of the shaft.
 
     Args:
         model: compiled from `section.build`; its stiffness, lengths and friction are rewritten.
-        data: the state it reads.
-        instrument: the parameters it was built with.
+        data: the state that it reads.
+        instrument: the parameters of the model.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, instrument: Instrument) -> None:
         self._model, self._data, self._instrument = model, data, instrument
-        # Springs stand in the order of section.py: from handle to section, each for all WIRES.
+        # Springs are in the order of section.py: from handle to section, each for all WIRES.
         wires = len(WIRES)
         first = model.tendon("wire_up_proximal").id
         last = model.tendon(f"wire_{WIRES[-1]}").id + 1
         self._nodes = (last - first) // wires - 1
-        # These arrays never move, so that views of them stay good.
+        # MuJoCo never moves these arrays, so views of them stay valid.
         self._length = data.ten_length[first:last]
         self._stiffness = model.tendon_stiffness[first:last]
         self._rest: list[float] = model.tendon_lengthspring[first:last, 1].tolist()
@@ -62,7 +63,7 @@ class WireFriction:
         self._shaft_bend_rad = nan
 
     def refresh(self, shaft_bend_rad: float) -> None:
-        """Write stiffness, lengths and friction for the present state into the model.
+        """Write stiffness, rest lengths and friction for the present state into the model.
 
         Args:
             shaft_bend_rad: present bend of the shaft [rad].
@@ -84,18 +85,18 @@ class WireFriction:
         ]
 
     def tensions(self) -> tuple[list[float], list[float]]:
-        """Tensions [N] of the wires at the handle and at the section; lengths must be current."""
+        """Return the tensions [N] at the handle and at the section; lengths must be up to date."""
         tension = self._tensions(self._stiffness.tolist())
         return tension[: len(WIRES)], tension[-len(WIRES) :]
 
     def update_lengths(self) -> None:
-        """Bring positions and lengths up to date; after a step they are those before it."""
+        """Bring positions and lengths up to date; `mj_step` leaves those from before the step."""
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_tendon(self._model, self._data)
 
     def _bend_shaft(self, shaft_bend_rad: float) -> None:
-        """Keep what follows from the bend of the shaft alone."""
+        """Update what depends on the bend of the shaft alone."""
         instrument = self._instrument
         self._shaft_bend_rad = shaft_bend_rad
         self._conduit_exponent = instrument.conduit_exponent_at(shaft_bend_rad)
