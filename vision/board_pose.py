@@ -1,7 +1,7 @@
 """Pose of a board from corners found in a picture: SQPNP, then least squares in pixels.
 
-With the corners' noise even in the picture, the pose that makes the sum of squared pixel misfits
-smallest is the most likely one, also where a fisheye bends the picture; SQPNP gives the start.
+If the noise of all corners is the same in pixels, the pose with the least sum of squared pixel
+residuals is the most likely one, for a fisheye too. SQPNP gives the initial pose.
 
 Reference:
     G. Terzakis and M. Lourakis, ECCV 2020 (SQPNP).
@@ -18,54 +18,54 @@ from endolock.hw.api import Calibration, Vector
 from endolock.vision import camera_model
 
 STEPS = 2
-"""Gauss-Newton steps; the first comes within 1e-3 px of the end. Source: measured."""
+"""Gauss-Newton steps; the first comes within 1e-3 px of the optimum. Source: measured."""
 
 
 class BoardPose(NamedTuple):
-    """A fitted pose and how well it fits."""
+    """A fitted pose with its residuals and information."""
 
     rotation: Vector
     """3x3, camera_from_board."""
     translation: Vector
-    """Of the board's centre in camera axes [m]."""
+    """Position of the board's centre in camera axes [m]."""
     misfit: Vector
-    """Pixel found less pixel expected, n x 2 [px]."""
+    """Residuals, pixel found minus pixel expected, n x 2 [px]."""
     information: Vector
-    """J^T J, 6x6, of small rotations about the camera's axes and translations."""
+    """J^T J, 6x6, for small rotations about the camera axes and translations."""
 
     def place(self, calibration: Calibration, point: Vector) -> tuple[Vector, Vector, Vector]:
-        """Say where a point of the board is and is seen.
+        """Return the position and the pixel of a point of the board.
 
         Args:
             calibration: the camera.
             point: (x, y, z) on the board [m].
 
         Returns:
-            The point in camera axes [m], its pixel, and the pixel's derivative, 2x6, with respect
-            to rotation and translation.
+            The point in camera axes [m], its pixel, and the derivative of the pixel, 2x6, with
+            respect to rotation and translation.
         """
         seen = self.rotation @ point + self.translation
         pixel = np.array(camera_model.project(calibration, seen))
         return seen, pixel, _chain(calibration, (seen - self.translation)[None], seen[None])[0]
 
     def under(self, ray: Vector) -> Vector:
-        """Point of the board's plane, in board axes [m], that a ray (x/z, y/z, 1) meets."""
+        """Return where a ray (x/z, y/z, 1) meets the plane of the board, in board axes [m]."""
         start = -self.rotation.T @ self.translation
-        way = self.rotation.T @ ray
-        point: Vector = start - start[2] / way[2] * way
+        direction = self.rotation.T @ ray
+        point: Vector = start - start[2] / direction[2] * direction
         return point
 
 
 def fit(calibration: Calibration, points: Vector, pixels: Vector) -> BoardPose | None:
-    """Fit a pose.
+    """Fit a pose to corners.
 
     Args:
         calibration: the camera.
-        points: n x 3 on the board [m], n >= 4.
-        pixels: n x 2, where they were found [px].
+        points: corners on the board, n x 3 [m], n >= 4.
+        pixels: their pixels in the picture, n x 2 [px].
 
     Returns:
-        The pose; None where there is none with all points ahead of the camera.
+        The pose; None if no pose with all points ahead of the camera is found.
     """
     rays = camera_model.rays(calibration, pixels)
     if not np.isfinite(rays).all():
@@ -96,7 +96,7 @@ def fit(calibration: Calibration, points: Vector, pixels: Vector) -> BoardPose |
 
 
 def _chain(calibration: Calibration, turned: Vector, seen: Vector) -> Vector:
-    """Derivative of pixels with respect to small rotations and to translation, n x 2 x 6."""
+    """Return the derivative of pixels by small rotations and translation, n x 2 x 6."""
     slope = camera_model.jacobian(calibration, seen)
     # A small rotation w moves a point p by w x p: pixel change = slope . (w x p) = w . (p x slope)
     return np.concatenate([np.cross(turned[:, None], slope), slope], axis=2)

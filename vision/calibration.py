@@ -1,8 +1,8 @@
-"""How the calibration of a camera is found from pictures of a board.
+"""Calibrates a camera from pictures of a board.
 
 Reference:
     Z. Zhang, IEEE PAMI 22(11), 2000; J. Kannala and S. Brandt, IEEE PAMI 28(8), 2006 (fisheye);
-    both as OpenCV has them.
+    both as implemented in OpenCV.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from endolock.vision.detector import Marker
 
 MIN_VIEWS = 10
 MIN_CORNERS = 16
-"""Of one view: four markers."""
+"""Fewest corners of a view: four markers."""
 MAX_VIEWS = 60
-"""More take longer and tell no more."""
+"""Most views used; more take longer without better results."""
 MIN_TILT_DEG = 25.0
-"""Largest angle between two views of the board: seen from one side only, a longer focal length
-looks just like a larger distance. Source: within 17 deg it came out 3 % too long."""
+"""Least angle that two views of the board must differ by [deg]: from a single direction, a longer
+focal length cannot be told from a larger distance. Source: within 17 deg it was 3 % too long."""
 MAX_RMS_PX = 1.0
-"""What is left of a calibration that can be used. Assumed: seven times the corners' noise."""
+"""Largest residual of an acceptable calibration [px]. Assumed: seven times the noise of corners."""
 
 
 def calibrate(
@@ -37,16 +37,16 @@ def calibrate(
     size: tuple[int, int],
     projection: Literal["pinhole", "equidistant"] = "pinhole",
 ) -> Calibration:
-    """Find a camera's geometry from markers of a board, seen from several sides.
+    """Estimate the geometry of a camera from markers of a board, seen from several directions.
 
     Args:
         views: the markers found in each picture.
-        board: where they are.
+        board: geometry of the board.
         size: width and height of the pictures [px].
-        projection: of the lens.
+        projection: projection of the lens.
 
     Raises:
-        ConfigError: the views do not tell it.
+        ConfigError: the views do not determine it.
     """
     corners = board.corners()
     useful = [view for view in views if 4 * len(view) >= MIN_CORNERS]
@@ -74,17 +74,17 @@ def calibrate(
     )
     if not rms <= MAX_RMS_PX:
         raise ConfigError(
-            f"calibration leaves {rms:.2f} px rms, {MAX_RMS_PX} allowed",
-            f"is it a {projection} camera, and the board printed at 100 %?",
+            f"calibration has a residual of {rms:.2f} px rms, {MAX_RMS_PX} allowed",
+            f"check that it is a {projection} camera and that the board was printed at 100 %",
         )
     try:
         tilt = _spread(found, points, pixels)
-    except cv2.error:  # a lens that no board can be placed in front of
+    except cv2.error:  # no board pose fits this lens
         tilt = 0.0
     if tilt < MIN_TILT_DEG:
         raise ConfigError(
-            f"the board is seen within {tilt:.0f} deg of one direction, {MIN_TILT_DEG:.0f} needed",
-            "record it from more sides",
+            f"the views of the board differ by {tilt:.0f} deg, {MIN_TILT_DEG:.0f} needed",
+            "record it from more directions",
         )
     return found
 
@@ -92,7 +92,7 @@ def calibrate(
 def _solve(
     points: list[Vector], pixels: list[Vector], size: tuple[int, int], projection: str
 ) -> tuple[float, Vector, Vector]:
-    """Rms misfit [px], camera matrix and distortion."""
+    """Return the rms residual [px], the camera matrix and the distortion."""
     try:
         if projection == "pinhole":
             flat = [p.astype(np.float32) for p in points]
@@ -112,14 +112,14 @@ def _solve(
     except cv2.error as error:
         said = " ".join(str(error).split()[:12])
         raise ConfigError(
-            f"OpenCV finds no {projection} camera in these pictures ({said})",
-            "record the board from more sides",
+            f"OpenCV could not calibrate a {projection} camera from these pictures ({said})",
+            "record the board from more directions",
         ) from None
     return float(rms), np.asarray(matrix, np.float64), np.asarray(distortion, np.float64).ravel()
 
 
 def _spread(found: Calibration, points: list[Vector], pixels: list[Vector]) -> float:
-    """Largest angle between the board's normals in two views [deg]."""
+    """Return the largest angle between the normals of the board in two views [deg]."""
     poses = [board_pose.fit(found, *pair) for pair in zip(points, pixels, strict=True)]
     normals = np.array([pose.rotation[:, 2] for pose in poses if pose is not None])
     return degrees(float(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))

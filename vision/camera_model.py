@@ -1,9 +1,9 @@
-"""The camera: from points to pixels and back, for a pinhole and for an equidistant fisheye.
+"""Camera models: from points to pixels and back, for a pinhole and for an equidistant fisheye.
 
 In OpenCV axes (x right, y down, z ahead) a pinhole sees a point at u = cx + f x/z, v = cy + f y/z;
 a fisheye sees it in the same direction off the centre, at r = f theta with tan(theta) =
-hypot(x, y)/z. The centre of the first pixel is (0, 0), so the middle of a W pixel wide picture
-lies at (W-1)/2. Distortion is OpenCV's.
+hypot(x, y)/z. The centre of the first pixel is (0, 0), so the middle of a picture W pixels wide
+is at (W-1)/2. Distortion follows OpenCV.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from endolock.hw.api import Calibration, Vector
 
 CUT = 0.30
-"""An octagon lacks a triangle at each corner, with legs of so many picture heights. Assumed."""
+"""Legs of the triangles that an octagonal mask cuts off at the corners, in picture heights.
+Assumed."""
 
 
 def from_fovy(width: int, height: int, fovy_deg: float) -> Calibration:
@@ -37,7 +38,7 @@ def from_fovy(width: int, height: int, fovy_deg: float) -> Calibration:
 
 
 def project(calibration: Calibration, point_in_camera: Vector) -> tuple[float, float]:
-    """Pixel at which a point is seen, also outside the picture.
+    """Return the pixel at which a point is seen, also outside the picture.
 
     Args:
         calibration: the camera.
@@ -59,7 +60,7 @@ def project(calibration: Calibration, point_in_camera: Vector) -> tuple[float, f
 
 
 def project_points(calibration: Calibration, points: Vector) -> Vector:
-    """Pixels at which points ahead of the camera are seen.
+    """Return the pixels at which points ahead of the camera are seen.
 
     Args:
         calibration: the camera.
@@ -84,13 +85,13 @@ def project_points(calibration: Calibration, points: Vector) -> Vector:
 
 
 def jacobian(calibration: Calibration, points: Vector) -> Vector:
-    """Derivative of the pixel with respect to the point, n x 2 x 3 [px/m], by central differences.
+    """Return the derivative of the pixel by the point, n x 2 x 3 [px/m], from central differences.
 
     Args:
         calibration: the camera.
         points: n x 3 in camera axes [m], all with z > 0.
     """
-    step = 1e-5 * points[:, 2:]  # rounding and curvature cost 1e-10 of the derivative each
+    step = 1e-5 * points[:, 2:]  # errors of rounding and curvature: 1e-10 of the derivative each
     moves = [sign * step * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     seen = project_points(calibration, np.concatenate([points + move for move in moves]))
     seen = seen.reshape(3, 2, len(points), 2)
@@ -99,14 +100,14 @@ def jacobian(calibration: Calibration, points: Vector) -> Vector:
 
 
 def rays(calibration: Calibration, pixels: Vector) -> Vector:
-    """Points at unit depth that are seen at some pixels, the inverse of `project_points`.
+    """Return the points at unit depth that are seen at pixels, the inverse of `project_points`.
 
     Args:
         calibration: the camera.
         pixels: n x 2 [px].
 
     Returns:
-        n x 3, each (x/z, y/z, 1); NaN where a fisheye looks sideways or backwards.
+        n x 3, each (x/z, y/z, 1); NaN for rays of a fisheye at 90 deg or more from the axis.
     """
     pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
     if calibration.distortion:
@@ -124,13 +125,13 @@ def rays(calibration: Calibration, pixels: Vector) -> Vector:
 
 
 def ray(calibration: Calibration, pixel: tuple[float, float]) -> Vector:
-    """Point (x/z, y/z, 1) that is seen at one pixel; see `rays`."""
+    """Return the point (x/z, y/z, 1) that is seen at a pixel; see `rays`."""
     first: Vector = rays(calibration, np.array([pixel]))[0]
     return first
 
 
 def in_picture(calibration: Calibration, pixel: tuple[float, float]) -> bool:
-    """Whether a pixel position lies within the picture and its mask; NaN does not.
+    """Return whether a pixel position is within the picture and its mask; False for NaN.
 
     An octagon lacks the corners, see `CUT`; a circle is as wide as the picture, around its middle.
     """
@@ -145,7 +146,7 @@ def in_picture(calibration: Calibration, pixel: tuple[float, float]) -> bool:
 
 
 def visible(calibration: Calibration) -> NDArray[np.bool_]:
-    """Which pixels show anything, height x width; see `in_picture`."""
+    """Return which pixels are within the mask, height x width; see `in_picture`."""
     width, height = calibration.width, calibration.height
     right = np.abs(np.arange(width) - (width - 1) / 2)
     down = np.abs(np.arange(height) - (height - 1) / 2)[:, None]
@@ -157,13 +158,13 @@ def visible(calibration: Calibration) -> NDArray[np.bool_]:
 
 
 def offset(calibration: Calibration, pixel: tuple[float, float]) -> tuple[float, float]:
-    """Offset of a pixel from the image centre, (right, down) [px]."""
+    """Return the offset of a pixel from the image centre, (right, down) [px]."""
     cx, cy = calibration.centre_px
     return pixel[0] - cx, pixel[1] - cy
 
 
 def off_axis_angle(calibration: Calibration, pixel: tuple[float, float]) -> float:
-    """Angle between the optical axis and the ray through a pixel [rad]."""
+    """Return the angle between the optical axis and the ray through a pixel [rad]."""
     right, down = offset(calibration, pixel)
     if calibration.distortion:
         x, y, _ = ray(calibration, pixel).tolist()

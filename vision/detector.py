@@ -1,4 +1,4 @@
-"""Finds the ArUco markers of one board in a grey picture.
+"""Detects the ArUco markers of one board in a grey picture.
 
 Reference:
     S. Garrido-Jurado et al., Pattern Recognition 47(6), 2014.
@@ -16,24 +16,24 @@ Marker = tuple[Vector, int]
 
 
 class MarkerDetector:
-    """Looks for the markers of one board.
+    """Detects the markers of one board.
 
     Args:
-        board: what is printed on it.
+        board: geometry of the board.
     """
 
     def __init__(self, board: BoardGeometry) -> None:
         self._known = {marker for marker, *_ in board.markers}
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        parameters.relativeCornerRefinmentWinSize = 0.8  # 0.3 is the default: twice the error
-        # Two window sizes instead of three: a third of the time, no marker less.
+        parameters.relativeCornerRefinmentWinSize = 0.8  # the default of 0.3 doubles the error
+        # Two window sizes instead of three: a third of the time, and as many markers.
         parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 15
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
         self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
 
     def __call__(self, grey: Image) -> list[Marker]:
-        """List the markers seen, each number once: where it occurs twice, neither can be told."""
+        """List the markers found; ids that are found twice are left out as ambiguous."""
         found, ids, _ = self._detector.detectMarkers(grey)
         numbers = [] if ids is None else [int(i) for i in ids.ravel()]
         return [

@@ -1,9 +1,10 @@
-"""Rotation of the camera between two pictures, from whatever stands still in the background.
+"""Rotation of the camera between two pictures, from the static background.
 
 Points are followed from one picture to the next; their rays before and after differ by a rotation,
-r' = R r, found by Wahba's problem (SVD) with outliers left out. The camera's translation t is not
-modelled: at a distance Z it adds up to |t|/Z, which the covariance does not know. A bending section
-moves its tip by about 35 mm a radian, so a background 22 cm away makes the rotation 16 % too large.
+r' = R r, the solution of Wahba's problem (SVD) without outliers. The translation t of the camera
+is not modelled: at a distance Z it adds an error of up to |t|/Z, which the covariance does not
+include. A bending section moves its tip by about 35 mm per radian, so with a background at 22 cm
+the rotation is 16 % too large.
 
 Reference:
     F. L. Markley, J. Astronaut. Sci. 36(3), 1988 (attitude by SVD).
@@ -22,31 +23,31 @@ from endolock.vision.grey import grey_of
 
 POINTS = 150
 MIN_POINTS = 12
-"""Fewer agree by chance. Assumed."""
+"""Fewest points; fewer may agree by chance. Assumed."""
 SPACING_PX = 14
 BACKWARD_PX = 0.7
-"""A point that comes back farther than this from where it started was lost [px]."""
+"""Largest forward-backward distance of a followed point [px]."""
 EDGE_PX = 12
-"""Nearest to the edge of what is visible [px]: the mask's rim does not move."""
+"""Least distance from the edge of the visible part [px]: the rim of the mask does not move."""
 OUTLIER = 2.5
-"""Leave out what misfits by more than so many medians."""
+"""Largest residual of an inlier, in medians of the residuals."""
 NOISE_PX = 0.05
 """Least noise of a followed point [px]. Assumed."""
 
 
 class Rotation(NamedTuple):
-    """How the camera turned since the frame before."""
+    """Rotation of the camera since the previous frame."""
 
     seq: int
-    """Of the later frame."""
+    """Number of the later frame."""
     since: int
-    """Of the earlier frame."""
+    """Number of the earlier frame."""
     vector: Vector
-    """Axis times angle in camera axes (right, down, ahead) [rad]: of the camera, not the scene."""
+    """Rotation vector of the camera, not of the scene, in axes (right, down, ahead) [rad]."""
     covariance: Vector
     """3x3 [rad2]."""
     points: int
-    """So many agreed."""
+    """Number of inliers."""
 
 
 class EgoMotion:
@@ -65,15 +66,15 @@ class EgoMotion:
         self._before: tuple[int, Image] | None = None
 
     def __call__(self, frame: Frame, moving: Vector | None = None) -> Rotation | str:
-        """Compare a frame with the one given before.
+        """Compare a frame with the previous one.
 
         Args:
             frame: the newest frame.
-            moving: corners, n x 2 [px], of a region that does not belong to the background; its
-                convex hull is left out.
+            moving: corners, n x 2 [px], of a region that is not background; its convex hull is
+                ignored.
 
         Returns:
-            The rotation, or why there is none.
+            The rotation, or the reason why there is none.
         """
         why = refusal.reason(frame, self._calibration)
         if why or frame.image is None:
@@ -81,7 +82,7 @@ class EgoMotion:
         grey = grey_of(frame.image)
         before, self._before = self._before, (frame.seq, grey)
         if before is None:
-            return "no frame before"
+            return "no previous frame"
         since, earlier = before
         return self._compare(since, earlier, frame.seq, grey, moving)
 
@@ -114,13 +115,13 @@ class EgoMotion:
         angle_px = 1 / self._calibration.focal_px
         noise = max(float((off[kept] ** 2).sum()) / (2 * count - 3), (NOISE_PX * angle_px) ** 2)
         information = count * np.eye(3) - b[kept].T @ b[kept]
-        # The scene turns by R as the camera sees it, so the camera turns by its inverse.
+        # The scene turns by R as seen by the camera, so the camera turns by its inverse.
         vector = -np.asarray(cv2.Rodrigues(turn)[0], np.float64).ravel()
         return Rotation(seq, since, vector, noise * np.linalg.inv(information), count)
 
 
 def _wahba(before: Vector, after: Vector) -> Vector:
-    """Rotation that turns the rays before into those after with the least squares."""
+    """Return the rotation that maps the rays before to those after, by least squares."""
     left, _, right = np.linalg.svd(after.T @ before)
     sign = np.sign(np.linalg.det(left @ right))
     turn: Vector = left @ np.diag([1.0, 1.0, sign]) @ right

@@ -1,9 +1,9 @@
 """Follows a selected target without markers: Lucas-Kanade, anchored to the reference.
 
-Every frame is compared with the first, not with the one before, so nothing drifts. A coarse
-correlation near the predicted place gives the start; points of the reference, turned and scaled as
-last seen, are then followed by Lucas-Kanade into the frame, and an affine map is fitted to them. A
-frame in which one of the gates says no is refused, with its name: a wrong lock is worse than none.
+Every frame is compared with the first, not with the previous one, so nothing drifts. A coarse
+correlation near the predicted position gives the initial guess; points of the reference, turned
+and scaled as last seen, are followed by Lucas-Kanade into the frame, and an affine map is fitted to
+them. A frame that fails a gate is refused, with the reason: a wrong lock is worse than none.
 
 Reference:
     B. Lucas and T. Kanade, IJCAI 1981; Z. Kalal et al., ICPR 2010 (forward-backward error).
@@ -22,48 +22,49 @@ from endolock.vision.reference import Affine, Points, Reference, View, select, v
 from endolock.vision.triple_check import TripleCheck
 
 REACH_PX = 72
-"""How far from the predicted place a target is looked for [px]."""
+"""Largest distance from the predicted position at which a target is searched [px]."""
 EDGE = 16
-"""Kept around a window in which points are followed [px]."""
+"""Margin kept around a window in which points are followed [px]."""
 BACKWARD_PX = 0.7
-"""A point that comes back farther than this from where it started is no inlier [px]."""
+"""Largest forward-backward distance of an inlier [px]."""
 FIT_PX = 1.5
-"""Nor is one that lies farther than this from the fitted map [px]."""
+"""Largest distance of an inlier from the fitted map [px]."""
 MIN_INLIERS = 0.5
-"""Gate: least share of the points."""
+"""Gate: least share of inliers."""
 MIN_LIKENESS = 0.75
 """Gate: least correlation with the original reference."""
 AGAIN_LIKENESS = 0.80
-"""The same where the target was found by searching the whole picture."""
+"""Gate: least correlation with the reference after a search of the whole picture."""
 SCALES = (0.35, 2.8)
 """Gate: smallest and largest size relative to the reference."""
 MAX_STRETCH = 0.5
-"""Gate: largest stretch over size: a board at a slant of 70 deg."""
+"""Gate: largest stretch over size; a board tilted by 70 deg."""
 MIN_FOLLOWED = 6
-"""Fewer points fit anything."""
+"""Fewest points of a fit; fewer fit by chance."""
 SCALE_STEP = 1.15
-"""Gate: largest change of size, or turn [rad] + 1, from frame to frame."""
+"""Gate: largest change of size, or rotation [rad] + 1, from frame to frame."""
 JUMP_PX = 45.0
-"""Gate: largest distance from the predicted place while tracking [px]: 1100 px/s at 25 Hz."""
+"""Gate: largest distance from the predicted position while tracking [px]: 1100 px/s at 25 Hz."""
 SEARCH_SCALES = (1.0, 0.84, 1.19, 0.71, 1.41)
-"""Sizes relative to the last one at which a lost target is searched for."""
+"""Sizes relative to the last one at which a lost target is searched."""
 SEARCH_SIDE = 14.0
-"""Reduce a picture for the search until the window has this side [px]: detail enough to tell a
-place from others, and a twentieth of the time."""
+"""Side to which the window is reduced for the search [px]: enough detail to distinguish positions,
+and a twentieth of the time."""
 CANDIDATES = 3
-"""Best places of a search that are looked at closely."""
+"""Number of best positions of a search that are examined closely."""
 NOISE_PX = 0.02
-"""Least standard deviation of the place [px]. Source: measured on clean pictures."""
+"""Least standard deviation of the position [px]. Source: measured on clean pictures."""
 OVERLAP = 4.0
-"""Neighbouring points share most of their windows: so many count as one. Assumed."""
+"""Number of points that count as one, because neighbours share most of their windows. Assumed."""
 
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
 
 
 class FollowedTarget(NamedTuple):
-    """An accepted place of the target."""
+    """An accepted position of the target."""
 
     pixel: tuple[float, float]
+    """(u, v) [px]."""
     covariance: tuple[float, float, float]
     """(uu, uv, vv) [px2]."""
     scale: float
@@ -77,11 +78,11 @@ class FeatureTracker:
 
     Args:
         grey: the first picture.
-        centre: of the window, (u, v) [px].
-        half: half its width and height [px].
+        centre: centre of the window, (u, v) [px].
+        half: half width and height of the window [px].
 
     Raises:
-        ValueError: the window cannot be followed; the text says why.
+        ValueError: the window cannot be followed, with the reason.
     """
 
     def __init__(self, grey: Image, centre: tuple[float, float], half: tuple[int, int]) -> None:
@@ -99,7 +100,7 @@ class FeatureTracker:
         """Find the target in the next picture.
 
         Returns:
-            Where it is, or which gate refused it.
+            Its position, or the reason of the gate that refused it.
         """
         predicted = self._last._replace(place=self._last.place + self._motion)
         found = self._near(grey, predicted)
@@ -126,7 +127,7 @@ class FeatureTracker:
         return why
 
     def _near(self, grey: Image, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
-        """Look around a guess: coarse correlation, then the points."""
+        """Search around a guess: coarse correlation, then points."""
         hx, hy = self._extent(guess.scale, 0)
         middle = _whole(guess.place)
         reach = REACH_PX + EDGE
@@ -140,12 +141,12 @@ class FeatureTracker:
         return self._fine(around, guess._replace(place=middle + shift))
 
     def _extent(self, scale: float, margin: int) -> tuple[int, int]:
-        """Half size of the window as it is seen now, and a margin [px]."""
+        """Return the half size of the window as now seen, plus a margin [px]."""
         hx, hy = self.reference.half
         return max(6, round(hx * scale)) + margin, max(6, round(hy * scale)) + margin
 
     def _fine(self, around: View, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
-        """Follow the points from the reference into the picture, and back; fit and judge."""
+        """Follow the points from the reference into the picture and back; fit; apply the gates."""
         half = self._extent(guess.scale, EDGE)
         middle = _whole(guess.place)
         own = self.reference.warped(guess, half)
@@ -176,7 +177,7 @@ class FeatureTracker:
         return seen, FollowedTarget(pixel, (spread, 0.0, spread), seen.scale, likeness)
 
     def _continuous(self, seen: Affine, predicted: Affine) -> str:
-        """Gates on the change since the last frame; after a gap only the size counts."""
+        """Apply the gates on the change since the last frame, wider after missed frames."""
         change = seen.turn / self._last.turn
         frames = 1 + self._missed
         if max(abs(change), 1 / abs(change)) > SCALE_STEP**frames:
@@ -187,7 +188,7 @@ class FeatureTracker:
         return ""
 
     def _search(self, everywhere: View) -> tuple[Affine, FollowedTarget] | str:
-        """Look everywhere, at several sizes, and judge the best places closely."""
+        """Search the whole picture at several sizes, and examine the best positions closely."""
         side = 2 * min(self.reference.half) * self._last.scale
         shrink = min(1.0, SEARCH_SIDE / side)
         small = cv2.resize(
@@ -209,7 +210,7 @@ class FeatureTracker:
         for _, guess in places[:CANDIDATES]:
             found = self._fine(everywhere, guess)
             if not isinstance(found, str):
-                found = self._fine(everywhere, found[0])  # once more, from the right place and size
+                found = self._fine(everywhere, found[0])  # again, from the right position
             if not isinstance(found, str) and found[1].likeness >= AGAIN_LIKENESS:
                 return found
         return "not found in the whole picture"
@@ -226,7 +227,7 @@ def _shrunk(picture: Image, factor: float) -> np.ndarray:
 def _follow(
     before: Image, after: Image, points: Points, guess: Points
 ) -> tuple[Points, np.ndarray]:
-    """Lucas-Kanade of complex points from one picture into another."""
+    """Follow complex points from one picture into another by Lucas-Kanade."""
     start, aim = (np.column_stack([p.real, p.imag]).astype(np.float32) for p in (points, guess))
     moved, ok, _ = cv2.calcOpticalFlowPyrLK(
         before,
@@ -243,7 +244,7 @@ def _follow(
 
 
 def _fit(offsets: Points, seen: Points, good: np.ndarray) -> tuple[Affine, int, float] | None:
-    """Fit an affine map to the good points, leaving out what does not fit.
+    """Fit an affine map to the good points without outliers.
 
     Returns:
         The map, the number of inliers and their variance per coordinate [px2].

@@ -1,9 +1,9 @@
-"""Finds the printed board by its ArUco markers: target pixel, distance and covariance.
+"""Eyes that find the printed board by its ArUco markers: target pixel, distance and covariance.
 
-All corners of the markers found give the pose of the board; the target is a point on the board,
-projected. With J the derivative of the corners with respect to the pose, J_t that of the target
-and s the noise of a corner's coordinate, the target's covariance is s^2 J_t (J^T J)^-1 J_t^T. s^2
-is estimated from the misfit of 2n coordinates to 6 parameters.
+The pose of the board is fitted to all corners of the markers found, and the target, a point on the
+board, is projected. With J the derivative of the corners by the pose, J_t that of the target, and s
+the noise of a corner coordinate, the covariance of the target is s^2 J_t (J^T J)^-1 J_t^T. s^2 is
+estimated from the residuals of 2n coordinates with 6 parameters.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from endolock.vision.grey import grey_of, smoothed
 from endolock.vision.observation import Lock, Observation
 
 MIN_MARKERS = 2
-"""A single square leaves its tilt ambiguous, and the target is extrapolated from the tilt."""
+"""Fewest markers: the tilt of a single square is ambiguous, and so is the extrapolated target."""
 CORNER_NOISE_PX = 0.15
 """Least corner noise per coordinate, with sub-pixel refinement [px]: 0.11-0.15 measured."""
 MAX_RESIDUAL_PX = 1.5
-"""A larger rms misfit of the corners is no picture of this board. Assumed: ten times the noise."""
+"""Largest rms residual of the corners [px]; with more the board is refused. Assumed: ten times the
+noise."""
 SMALL_PX = 30.0
-"""A region whose largest marker has shorter sides is doubled: small squares are found better."""
+"""Least side of the largest marker in a region [px]; smaller regions are enlarged twofold, in which
+small squares are found better."""
 MARGIN = 0.35
-"""Margin of the region looked at around the last corners, in its own size. Assumed: a board of
-100 px moves by less than 35 px from frame to frame in all scenarios but `jump`."""
+"""Margin of the region that is searched around the last corners, relative to its size. Assumed: a
+board of 100 px moves by less than 35 px between frames in all scenarios but `jump`."""
 
 
 class BoardFit(NamedTuple):
-    """Where a fitted board puts the target."""
+    """A fitted board: target pixel, covariance (uu, uv, vv) [px2] and depth [m], and pose."""
 
     pixel: tuple[float, float]
     covariance: tuple[float, float, float]
@@ -45,11 +47,11 @@ class BoardFit(NamedTuple):
 
 
 class MarkerEyes:
-    """Looks for one board in the pictures of one camera, near where it was before.
+    """Finds one board in the pictures of one camera, first near its last position.
 
     Args:
-        calibration: the camera's geometry.
-        board: what is printed on the board.
+        calibration: geometry of the camera.
+        board: geometry of the board.
     """
 
     def __init__(self, calibration: Calibration, board: BoardGeometry) -> None:
@@ -86,7 +88,7 @@ class MarkerEyes:
         """Find markers in a frame and fit the board to them.
 
         Returns:
-            The markers of the board that were found, and the fit, or why there is none.
+            The markers of the board that were found, and the fit, or the reason why there is none.
         """
         why = refusal.reason(frame, self._calibration)
         if why or frame.image is None:
@@ -105,13 +107,13 @@ class MarkerEyes:
         return found, fit
 
     def fit(self, markers: Sequence[Marker]) -> BoardFit | str:
-        """Fit the board to markers found in a picture; one that does not belong is left out.
+        """Fit the board to markers found in a picture; false markers are left out.
 
         Args:
-            markers: what was found.
+            markers: the markers found.
 
         Returns:
-            Where the target is, or why this is no picture of the board.
+            The fit, or the reason why the board is not accepted.
         """
         if len(markers) < MIN_MARKERS:
             noun = "marker" if len(markers) == 1 else "markers"
@@ -128,14 +130,14 @@ class MarkerEyes:
         return self._fit(pose)
 
     def _consensus(self, markers: Sequence[Marker]) -> list[Marker]:
-        """Leave out the markers that do not lie on one plane with most of the others."""
+        """Leave out markers that do not lie in one plane with most of the others."""
         pixels = np.concatenate([corners for corners, _ in markers])
         points = np.concatenate([self._corners[i] for _, i in markers])
         rays = camera_model.rays(self._calibration, pixels)
         if not np.isfinite(rays).all():
             return list(markers)
         flat = np.ascontiguousarray(self._calibration.focal_px * rays[:, :2])
-        near = 2 * MAX_RESIDUAL_PX  # a corner's largest misfit is about twice its rms
+        near = 2 * MAX_RESIDUAL_PX  # the largest residual of a corner is about twice the rms
         _, agree = cv2.findHomography(points[:, :2], flat, cv2.RANSAC, near)
         if agree is None:
             return list(markers)
@@ -143,7 +145,7 @@ class MarkerEyes:
         return [marker for marker, good in zip(markers, whole, strict=True) if good]
 
     def _pose(self, markers: Sequence[Marker]) -> tuple[float, BoardPose | None]:
-        """Fit a pose to all of these; return its misfit, rms [px], infinite where there is none."""
+        """Fit a pose to all markers; return its rms residual [px], infinite without one, and it."""
         pixels = np.concatenate([corners for corners, _ in markers])
         points = np.concatenate([self._corners[i] for _, i in markers])
         pose = board_pose.fit(self._calibration, points, pixels)
@@ -163,7 +165,7 @@ class MarkerEyes:
         return BoardFit((u, v), (uu, uv, vv), float(seen[2]), pose)
 
     def _in_region(self, grey: Image) -> list[Marker]:
-        """Look around the last corners, in twice the size where the markers are small."""
+        """Detect markers around the last corners, enlarged twofold if they are small."""
         corners = np.concatenate([corners for corners, _ in self._near])
         low, high = corners.min(axis=0), corners.max(axis=0)
         margin = MARGIN * (high - low).max()

@@ -1,4 +1,4 @@
-"""What vision tells the controller about one frame, and how long a lock outlives its target."""
+"""The result of vision for one frame, and the state of the lock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Protocol
 from endolock.hw.api import Frame
 
 COAST_FRAMES = 6
-"""So many frames in a row without the target keep the lock; then it is lost. Assumed."""
+"""Number of successive frames without the target after which the lock is lost. Assumed."""
 
 
 class Status(StrEnum):
@@ -21,30 +21,30 @@ class Status(StrEnum):
     TRACKING = "tracking"
     """The target was found in this frame."""
     COASTING = "coasting"
-    """Not found, but found a few frames ago."""
+    """The target was not found, but at most `COAST_FRAMES` frames ago."""
     LOST = "lost"
-    """Not found for more than `COAST_FRAMES` frames."""
+    """The target was not found for more than `COAST_FRAMES` frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """What one frame shows; the position is NaN unless `status` is TRACKING."""
+    """What vision found in one frame; `target_px` is NaN unless `status` is TRACKING."""
 
     t_capture: float
-    """When the frame was exposed, as the camera believes [s]."""
+    """Time of exposure as estimated by the camera [s]."""
     seq: int
     """Number of the frame."""
     status: Status
     why: str = ""
-    """Why the target was not accepted, in a few words; empty while tracking."""
+    """Reason why the target was not accepted; empty while tracking."""
     target_px: tuple[float, float] = (nan, nan)
     """Target (u, v) [px]; it may lie outside the picture where markers around it are seen."""
     covariance: tuple[float, float, float] = (nan, nan, nan)
-    """Its variances and covariance (uu, uv, vv) [px2]."""
+    """Covariance of the target (uu, uv, vv) [px2]."""
     distance_m: float = nan
     """Depth of the target along the optical axis [m]."""
     reference_px: tuple[float, float] = (nan, nan)
-    """Where markers around the target say it is [px], for a target followed without them."""
+    """Target position from the markers around it [px], if it is tracked without them."""
     corners_px: tuple[tuple[float, float], ...] = ()
     """Marker corners found in the frame, for display."""
 
@@ -57,15 +57,15 @@ class Eyes(Protocol):
 
 
 class Lock:
-    """Counts frames without the target: SEARCHING -> TRACKING -> COASTING -> LOST -> TRACKING."""
+    """The lock as a state machine: SEARCHING -> TRACKING -> COASTING -> LOST -> TRACKING."""
 
     def __init__(self) -> None:
         self.status = Status.SEARCHING
-        """Its present state."""
+        """Present state of the lock."""
         self._missed = 0
 
     def step(self, found: bool) -> Status:
-        """Take in whether the newest frame showed the target; return the state of the lock."""
+        """Update with whether the newest frame showed the target; return the state of the lock."""
         if found:
             self.status, self._missed = Status.TRACKING, 0
         elif self.status is not Status.SEARCHING:

@@ -1,7 +1,7 @@
-"""The reference that a tracker is anchored to: a patch of the first picture, and how to compare it.
+"""The reference of the feature tracker: a patch of the first picture, and how to compare it.
 
 Pictures are compared after local contrast normalisation, (I - mean)/(deviation + floor) over a box
-around each pixel, which takes out gain, fall-off of the light and shadows.
+around each pixel, which removes gain, fall-off of the light and shadows.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ FLOOR = 6.0
 CONTRAST = 48.0
 """Grey levels of one deviation in the normalised picture."""
 MARGIN = 14
-"""Kept around the selected window [px]: the windows of its outermost points reach out so far."""
+"""Margin kept around the selected window [px], for the windows of its outermost points."""
 POINTS = 40
-"""Most points followed."""
+"""Largest number of points to follow."""
 MIN_POINTS = 8
-"""A window with fewer corners has no texture to follow. Assumed."""
+"""Fewest corners in a window; with fewer it has too little texture to follow. Assumed."""
 QUALITY = 0.02
-"""Least strength of a corner, as a share of the strongest. Assumed."""
+"""Least strength of a corner, relative to the strongest. Assumed."""
 MIN_STRENGTH = 2e-3
 """Least strength of the strongest corner, after normalisation: the smaller eigenvalue of the
 gradients' covariance. Assumed; noise alone stays below, printed rings reach 100 times it."""
 
 
 Points = NDArray[np.complex128]
-"""Places or offsets u + iv [px]."""
+"""Positions or offsets u + iv [px]."""
 
 
 class Affine(NamedTuple):
-    """How the reference is seen: offset d from its centre at place + turn d + stretch conj(d)."""
+    """Where the reference is seen: offset d from its centre at place + turn d + stretch conj(d)."""
 
     place: complex
     """Pixel u + iv of the centre."""
     turn: complex = 1.0 + 0.0j
-    """Scale times the rotation, clockwise in the picture."""
+    """Scale times rotation, clockwise in the picture."""
     stretch: complex = 0.0j
-    """What is not a similarity: seen at a slant, a square becomes a parallelogram."""
+    """Deviation from a similarity: seen at an angle, a square becomes a parallelogram."""
 
     @property
     def scale(self) -> float:
@@ -53,16 +53,16 @@ class Affine(NamedTuple):
         return abs(self.turn)
 
     def moves(self, offsets: Points) -> Points:
-        """Offsets as they are seen, from the place."""
+        """Return offsets of the reference as seen in the picture, relative to `place`."""
         seen: Points = self.turn * offsets + self.stretch * offsets.conj()
         return seen
 
     def resized(self, factor: float) -> Affine:
-        """Return the same at another size."""
+        """Return the same map at another size."""
         return Affine(self.place, factor * self.turn, factor * self.stretch)
 
     def matrix(self, source: complex, place: complex) -> np.ndarray:
-        """2x3 matrix for `cv2.warpAffine` that moves a picture so, and `source` to `place`."""
+        """Return the 2x3 matrix for `cv2.warpAffine` of this map that moves `source` to `place`."""
         x, y = self.turn + self.stretch, 1j * (self.turn - self.stretch)
         shift = place - x * source.real - y * source.imag
         return np.array([[x.real, y.real, shift.real], [x.imag, y.imag, shift.imag]])
@@ -73,18 +73,18 @@ class View(NamedTuple):
 
     picture: Image
     origin: complex
-    """Where its first pixel is in the whole picture, u + iv [px]."""
+    """Position of its first pixel in the whole picture, u + iv [px]."""
     size: tuple[int, int]
     """Width and height of the whole picture [px]."""
 
     def contains(self, places: Points) -> np.ndarray:
-        """Which complex places lie within the whole picture."""
+        """Return which positions are within the whole picture."""
         width, height = self.size
         u, v = places.real, places.imag
         return np.asarray((u > 0) & (v > 0) & (u < width - 1) & (v < height - 1))
 
     def crop(self, middle: complex, half: tuple[int, int]) -> Image:
-        """Cut a window out, around a whole-numbered place in the whole picture."""
+        """Cut out a window around a position in whole pixels of the whole picture."""
         local = middle - self.origin
         return crop(self.picture, (int(local.real), int(local.imag)), half)
 
@@ -94,8 +94,8 @@ def view(grey: Image, middle: complex, half: tuple[int, int]) -> View:
 
     Args:
         grey: the whole picture.
-        middle: of the window, whole numbers [px].
-        half: half its width and height [px].
+        middle: middle of the window, whole pixels [px].
+        half: half width and height of the window [px].
     """
     u, v = int(middle.real), int(middle.imag)
     edge = BOX // 2
@@ -124,14 +124,14 @@ class Reference(NamedTuple):
     """Points to follow, as complex offsets from the centre [px]."""
 
     def warped(self, seen: Affine, half: tuple[int, int]) -> Image:
-        """Draw the patch as it is seen, its centre in the middle of a picture of that size."""
+        """Warp the patch as seen, its centre in the middle of a picture of 2 half + 1 pixels."""
         size = 2 * half[0] + 1, 2 * half[1] + 1
         matrix = seen.matrix(self.centre, complex(*half))
         drawn = cv2.warpAffine(self.patch, matrix, size, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(drawn, np.uint8)
 
     def likeness(self, around: View, seen: Affine) -> float:
-        """Correlation coefficient of the window with the place where it is seen."""
+        """Return the correlation of the window with the picture where it is seen."""
         size = 2 * self.half[0] + 1, 2 * self.half[1] + 1
         matrix = seen.matrix(complex(*self.half), seen.place - around.origin)
         back = cv2.warpAffine(
@@ -156,15 +156,15 @@ def normalised(grey: np.ndarray) -> Image:
 
 
 def select(grey: Image, centre: complex, half: tuple[int, int]) -> Reference | str:
-    """Take a window of a picture as the reference.
+    """Make a reference from a window of a picture.
 
     Args:
         grey: the picture.
-        centre: of the window, u + iv [px].
-        half: half its width and height [px].
+        centre: centre of the window, u + iv [px].
+        half: half width and height of the window [px].
 
     Returns:
-        The reference, or why the window cannot be followed.
+        The reference, or the reason why the window cannot be followed.
     """
     height, width = grey.shape
     (hx, hy), u, v = half, round(centre.real), round(centre.imag)
@@ -184,7 +184,7 @@ def select(grey: Image, centre: complex, half: tuple[int, int]) -> Reference | s
 
 
 def crop(picture: Image, middle: tuple[int, int], half: tuple[int, int]) -> Image:
-    """Cut out a window of 2 half + 1 pixels; beyond the picture's edge its border is repeated."""
+    """Cut out a window of 2 half + 1 pixels; beyond the picture its border is repeated."""
     (u, v), (hx, hy), (height, width) = middle, half, picture.shape
     left, top, right, bottom = u - hx, v - hy, u + hx + 1, v + hy + 1
     inside = picture[max(0, top) : max(0, bottom), max(0, left) : max(0, right)]

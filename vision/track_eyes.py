@@ -1,8 +1,8 @@
-"""Eyes that follow a selected target without markers, and keep the markers as its judge.
+"""Eyes that follow a selected target without markers, which serve only as ground truth.
 
-The target is a given rectangle of the first picture, or the surroundings of the board's target
-where the markers first show it. Markers around it say in every frame where the target truly is:
-the tracker is not told, so on a bench its error can be measured as on the twin.
+The target is a given rectangle of the first picture, or a window around the board's target when the
+markers first show it. Markers around the target give its true position in every frame. The tracker
+does not use them, so its error can be measured on a bench as on the twin.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from endolock.vision.marker_eyes import BoardFit, MarkerEyes
 from endolock.vision.observation import Lock, Observation
 
 HALF_PX = 20
-"""Half side of the window where only the target's place is known [px]."""
+"""Half side of the window around the board's target, without a selection [px]."""
 SMALLEST_PX = 16
 """Least side of a selection [px]."""
 
@@ -32,11 +32,11 @@ class TrackEyes:
 
     Args:
         calibration: the camera's geometry.
-        board: the markers around the target, which judge but do not help.
-        selection: what to follow; the board's target if None.
+        board: the markers around the target, used only as ground truth.
+        selection: rectangle to follow; a window around the board's target if None.
 
     Raises:
-        ConfigError: the selection does not lie within the picture.
+        ConfigError: the selection is not within the picture, or too small.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class TrackEyes:
         """Find the target in one frame.
 
         Raises:
-            ConfigError: there is not enough texture in the selection.
+            ConfigError: the selection has too little texture.
         """
         blank = Observation(
             t_capture=frame.t_capture, seq=frame.seq, status=self._lock.status, why=""
@@ -72,22 +72,22 @@ class TrackEyes:
             found, fit = self._markers.look(frame)
         assert self._tracker is not None
         track = self._tracker.step(grey)
-        judged = replace(
+        observation = replace(
             blank,
             corners_px=corners,
             reference_px=blank.target_px if isinstance(fit, str) else fit.pixel,
         )
         if isinstance(track, str):
-            return replace(judged, status=self._lock.step(False), why=track)
+            return replace(observation, status=self._lock.step(False), why=track)
         return replace(
-            judged,
+            observation,
             status=self._lock.step(True),
             target_px=track.pixel,
             covariance=track.covariance,
         )
 
     def _start(self, grey: np.ndarray, fit: BoardFit | str) -> str:
-        """Take the reference; return why it cannot be taken from this picture."""
+        """Make the reference; return the reason if this picture does not allow it, or nothing."""
         if self._selection is None:
             if isinstance(fit, str):
                 return f"no target to start from: {fit}"
@@ -109,10 +109,10 @@ class TrackEyes:
 
 
 def check(selection: Selection, calibration: Calibration) -> None:
-    """See that a rectangle lies within the picture and is large enough.
+    """Check that a rectangle is within the picture and large enough.
 
     Raises:
-        ConfigError: it does not, or is not.
+        ConfigError: it is not.
     """
     left, top, width, height = selection
     text = ",".join(str(n) for n in selection)

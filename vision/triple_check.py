@@ -1,8 +1,8 @@
-"""The triple check of the thesis: motion over two frames must be the sum of both single ones.
+"""The triple check of the thesis: motion over two frames must equal the sum of both single motions.
 
-Points are followed from frame n-2 to n-1 and on to n, and from n-2 to n at once; where the ways
-end apart, one of the matches was false. Source: the thesis' recommendation. It is no proof: an
-occluder that moves slowly in front of the target has texture too, and agrees with itself.
+Points are followed from frame n-2 to n-1 and on to n, and from n-2 to n directly; if the results
+differ, one of the matches was false. Source: recommendation of the thesis. It is necessary but not
+sufficient: a textured occluder that moves slowly in front of the target is consistent too.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from endolock.hw.api import Image
 from endolock.vision.reference import Affine, Points, crop
 
 LIMIT_PX = 1.0
-"""Gate: largest median distance between both ends [px]. Source: docs/vision.md, its ROC."""
+"""Gate: largest median distance between both results [px]. Source: ROC in docs/vision.md."""
 HALF = 28
-"""Half size of the window around the target in which points are followed, besides theirs [px]."""
+"""Margin around the points of the target in which they are followed [px]."""
 POINTS = 12
 
 Kept = tuple[Image, complex, Points, Points | None]
-"""A picture, where the target was in it, points, and where those of the picture before went."""
+"""A picture, the target's position in it, its points, and those followed from the last picture."""
 
 
 class TripleCheck:
-    """Keeps the last two pictures and where points of the target were in them.
+    """Keeps the last two pictures and the positions of points of the target in them.
 
     Args:
         offsets: points of the target, complex offsets from its centre in the reference [px].
@@ -35,19 +35,19 @@ class TripleCheck:
         self._before: Kept | None = None
         self._now: Kept | None = None
         self.distance_px = 0.0
-        """Of the last check; 0 where there was none [px]."""
+        """Distance found by the last check [px]; 0 if there was none."""
 
     @property
     def ready(self) -> bool:
-        """Whether the next picture can be checked: the last two were taken in."""
+        """Whether the next picture can be checked, because the last two were accepted."""
         return self._now is not None and self._now[3] is not None
 
     def refusal(self, grey: Image, seen: Affine) -> str:
-        """Say whether the motion into a picture fits; empty if it does, or cannot be told.
+        """Return why the motion into a picture is refused; empty if consistent, or not testable.
 
         Args:
             grey: the new picture.
-            seen: where the target is taken to be in it.
+            seen: supposed appearance of the target in it.
         """
         self.distance_px = 0.0
         if self._before is None or self._now is None or self._now[3] is None:
@@ -62,14 +62,14 @@ class TripleCheck:
         return ""
 
     def accept(self, grey: Image, seen: Affine) -> None:
-        """Take in a picture in which the target was found."""
+        """Store a picture in which the target was found."""
         points = seen.place + seen.moves(self._offsets)
         self._before, now = self._now, (grey, seen.place, points, None)
         moved = self._flow(self._before, grey, seen, self._before[2]) if self._before else None
         self._now = (*now[:3], moved)
 
     def skip(self) -> None:
-        """Forget both: the target was not found, and the next two pictures cannot be checked."""
+        """Forget both pictures: the target was not found, so the next two cannot be checked."""
         self._before = self._now = None
 
     def _flow(

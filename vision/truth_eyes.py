@@ -1,4 +1,4 @@
-"""Vision without pictures: the target's exact projection at the exposure, for fast studies."""
+"""Eyes without pictures: the exact projection of the target at the exposure, for fast studies."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from endolock.vision.observation import Lock, Observation
 
 
 class TruthEyes:
-    """Takes the target of each frame from the truth, where it lies within the picture.
+    """Takes the target of each frame from the truth, if it is in the picture and not hidden.
 
     Args:
-        truth: the simulation's truth; it must remember the exposures still under way.
-        noise_px: standard deviation that is added to each coordinate [px].
-        random: draws it; none is needed without noise.
+        truth: ground truth of the simulation; it must keep the exposures of frames under way.
+        noise_px: standard deviation of the noise added to each coordinate [px].
+        random: random numbers for the noise; not needed without.
     """
 
     def __init__(
@@ -25,7 +25,7 @@ class TruthEyes:
         self._lock = Lock()
 
     def __call__(self, frame: Frame) -> Observation:
-        """Look the exposure up."""
+        """Look up the exposure of a frame."""
         sample = self._truth.at_exposure(frame.seq)
         if not sample.in_picture or sample.hidden:
             return Observation(

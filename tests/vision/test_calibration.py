@@ -36,7 +36,7 @@ def test_a_rendered_camera_is_found(
 
 def test_pictures_from_one_side_do_not_tell() -> None:
     _, board, views = _views({}, tilt_deg=0.0)
-    with pytest.raises(ConfigError, match=r"within \d+ deg of one direction, 25 needed"):
+    with pytest.raises(ConfigError, match=r"differ by \d+ deg, 25 needed"):
         calibration.calibrate(views, board, (640, 480))
 
 

@@ -48,7 +48,7 @@ def test_a_moving_region_can_be_left_out() -> None:
 
 def test_what_cannot_be_told_says_why() -> None:
     ego = EgoMotion(CAMERA)
-    assert ego(_frame(_picture(np.zeros(3)), 0)) == "no frame before"
+    assert ego(_frame(_picture(np.zeros(3)), 0)) == "no previous frame"
     assert ego(_frame(np.zeros((480, 640, 3), np.uint8), 1)) == "picture is black"
     plain = np.full((480, 640, 3), 120, np.uint8)
     ego(_frame(plain, 2))
