@@ -32,7 +32,7 @@ def _poses(rig: TwinRig, count: int, every_s: float = 0.010) -> list[Pose]:
     return list(found.values())
 
 
-def test_without_noise_it_tells_the_bend() -> None:
+def test_without_noise_it_measures_the_bend() -> None:
     rig = _rig(position_noise_m=0.0, rotation_noise_deg=0.0, latency_s=0.0)
     with rig:
         rig.actuators.enable()
@@ -49,7 +49,7 @@ def test_without_noise_it_tells_the_bend() -> None:
     assert hypot(*truth.plant.bend_rad) > 0.2
 
 
-def test_a_camera_turned_in_the_tip_does_not_turn_the_body() -> None:
+def test_a_misaligned_camera_does_not_rotate_the_body() -> None:
     silent: dict[str, Any] = {"position_noise_m": 0.0, "rotation_noise_deg": 0.0}
     (pose,) = _poses(_rig(instrument=Instrument(misalignment_rad=0.3), **silent), 2)
     assert pose.quaternion == (1.0, 0.0, 0.0, 0.0)
@@ -68,7 +68,7 @@ def test_it_measures_at_its_rate_and_delivers_late() -> None:
     assert late == pytest.approx([0.03] * len(late), abs=0.002)  # looked for every 2 ms
 
 
-def test_the_noise_is_as_large_as_it_says() -> None:
+def test_the_noise_has_the_given_deviation() -> None:
     rig = _rig(position_noise_m=0.001, rotation_noise_deg=0.5, latency_s=0.0)
     poses = _poses(rig, 2000)
     shifts = np.array([pose.position for pose in poses])
@@ -80,7 +80,7 @@ def test_the_noise_is_as_large_as_it_says() -> None:
     assert degrees(pi) > np.abs(turns).max()
 
 
-def test_poses_are_lost_as_often_as_it_says() -> None:
+def test_poses_are_dropped_at_the_given_rate() -> None:
     count = len(_poses(_rig(drop_fraction=0.3, latency_s=0.0), 2000))
     # binomial: the spread is sqrt(2000 x 0.3 x 0.7) = 20; four of them
     assert count == pytest.approx(1400, abs=82)
@@ -107,7 +107,7 @@ def test_slicing_a_sleep_changes_no_bit(cuts: list[int], rate_hz: float) -> None
     assert end([0.1 + 0.002 * n for n in cuts]) == end([])
 
 
-def test_watching_changes_nothing_else() -> None:
+def test_tracking_changes_nothing_else() -> None:
     video = {"camera.jitter_s": 0.05, "camera.drop_fraction": 0.3, "camera.latency_s": 0.1}
     plain = scenario.load("random", video)
     watched = plain.model_copy(update={"tracker": PoseTrackerSettings()})

@@ -119,7 +119,9 @@ def test_home_moves_the_limits_with_the_zero() -> None:
         assert (low, high) == pytest.approx((-reach - turned, reach - turned))
 
 
-def test_an_exploding_simulation_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_unstable_simulation_is_an_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its own log beside
     rig = TwinRig("rest", pictures=False)
     rig.plant.data.qvel[:] = float("nan")
@@ -145,7 +147,7 @@ def test_one_seed_gives_the_same_pictures() -> None:
     assert first == pictures()
 
 
-def test_frames_arrive_late_and_the_camera_believes_its_calibration() -> None:
+def test_frames_arrive_late_by_the_latency_and_know_it() -> None:
     rig = TwinRig(_fast(latency_s=0.1), pictures=False)
     rig.clock.sleep_until(0.098)
     assert rig.camera.latest() is None
@@ -158,7 +160,7 @@ def test_frames_arrive_late_and_the_camera_believes_its_calibration() -> None:
     assert rig.truth.at_exposure(5).t == pytest.approx(0.2)
 
 
-def test_with_jitter_belief_and_truth_differ_but_order_stays() -> None:
+def test_jitter_makes_capture_times_inexact_and_keeps_the_order() -> None:
     rig = TwinRig(_fast(latency_s=0.1, jitter_s=0.05), pictures=False)
     apart, last = [], -1.0
     for n in range(1, 400):
@@ -187,7 +189,7 @@ def test_dropped_frames_are_counted_and_leave_gaps() -> None:
     assert 15 < dropped < 45  # 30 of 100; binomial with a standard deviation of 4.6
 
 
-def test_each_noise_source_has_its_own_numbers() -> None:
+def test_noise_sources_are_independent() -> None:
     a, b = generator(1, "camera.jitter"), generator(1, "camera.drops")
     assert not np.array_equal(a.random(8), b.random(8))
 
@@ -207,7 +209,7 @@ def test_each_noise_source_has_its_own_numbers() -> None:
     assert all(whole[seq] == stamp for seq, stamp in thinned.items())
 
 
-def test_truth_is_remembered_while_frames_are_under_way() -> None:
+def test_truth_is_kept_while_frames_are_under_way() -> None:
     rig = TwinRig(_fast(latency_s=0.4), pictures=False)
     rig.clock.sleep_until(3.0)
     frame = rig.camera.latest()

@@ -81,7 +81,7 @@ def test_slicing_a_sleep_changes_nothing(cuts: list[float]) -> None:
 
 
 @pytest.mark.parametrize("name", ["push", "roll", "shaft_loop"])
-def test_what_it_does_not_know_it_refuses(name: str) -> None:
+def test_scenarios_beyond_the_model_are_refused(name: str) -> None:
     with pytest.raises(
         ConfigError, match=r"which rigs without physics do not model; use --rig twin"
     ):
@@ -101,7 +101,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
 
 
 @pytest.mark.parametrize("name", ["straight", "circle"])
-def test_laws_do_on_it_about_what_they_do_on_the_twin(name: str) -> None:
+def test_controllers_score_about_as_on_the_twin(name: str) -> None:
     plays, wires = plays_of(Instrument(), 180.0), transmission_of(Instrument(), pi)
     twin = {law: scored(TwinRig(name, pictures=False), law) for law in LAWS}
     # The same wires without inertia and gravity: 2 % measured.

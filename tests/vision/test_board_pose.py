@@ -30,7 +30,7 @@ def test_exact_corners_give_the_exact_pose(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_the_information_is_that_of_the_scatter(name: str) -> None:
+def test_the_information_matches_the_scatter(name: str) -> None:
     camera, random = CAMERAS[name], np.random.default_rng(0)
     exact = _seen(camera)
     pixels, told = [], np.zeros((2, 2))
@@ -55,7 +55,7 @@ def test_a_ray_meets_the_board_where_the_point_is_seen() -> None:
     assert back == pytest.approx(point, abs=1e-9)  # rounding
 
 
-def test_what_no_board_can_show_has_no_pose() -> None:
+def test_impossible_corners_have_no_pose() -> None:
     camera = CAMERAS["fisheye"]
     beyond = np.full((len(POINTS), 2), 1e4)  # a fisheye sees nothing there
     assert board_pose.fit(camera, POINTS, beyond) is None

@@ -34,19 +34,19 @@ def test_a_rendered_camera_is_found(
     assert len(found.date) == 10
 
 
-def test_pictures_from_one_side_do_not_tell() -> None:
+def test_pictures_from_one_direction_are_refused() -> None:
     _, board, views = _views({}, tilt_deg=0.0)
     with pytest.raises(ConfigError, match=r"differ by \d+ deg, 25 needed"):
         calibration.calibrate(views, board, (640, 480))
 
 
-def test_too_few_pictures_do_not_tell() -> None:
+def test_too_few_pictures_are_refused() -> None:
     _, board, views = _views({}, tilt_deg=45.0, count=5)
     with pytest.raises(ConfigError, match="in 5 pictures, 10 needed"):
         calibration.calibrate(views, board, (640, 480))
 
 
-def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
+def test_a_calibration_is_unchanged_by_writing_and_reading(tmp_path: Path) -> None:
     camera = Calibration(
         width=720,
         height=576,
@@ -75,7 +75,7 @@ def test_a_file_gives_back_what_was_written(tmp_path: Path) -> None:
         ("width", "is not TOML"),
     ],
 )
-def test_a_bad_file_is_one_line(tmp_path: Path, change: str, why: str) -> None:
+def test_a_bad_file_is_refused_in_one_line(tmp_path: Path, change: str, why: str) -> None:
     path = tmp_path / "camera.toml"
     key = change.split(" ", maxsplit=1)[0]
     camera = Calibration(width=64, height=48, focal_px=50.0, centre_px=(31.5, 23.5))

@@ -12,7 +12,7 @@ from endolock.vision import camera_model
 CAMERA = camera_model.from_fovy(640, 480, 85.0)
 
 
-def test_the_gate_camera_has_f_262() -> None:
+def test_the_default_camera_has_f_262() -> None:
     assert CAMERA.focal_px == pytest.approx(240 / tan(radians(42.5)))
     assert CAMERA.focal_px == pytest.approx(262, abs=0.5)  # stated to three digits
     assert CAMERA.centre_px == (319.5, 239.5)

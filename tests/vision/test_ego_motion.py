@@ -20,7 +20,7 @@ def test_a_pure_rotation_is_found(vector: tuple[float, float, float]) -> None:
     assert turned.vector == pytest.approx(vector, abs=2e-4)
 
 
-def test_the_covariance_is_of_the_right_size() -> None:
+def test_the_covariance_matches_the_scatter() -> None:
     random = np.random.default_rng(4)
     off, told = [], []
     for _ in range(25):
@@ -46,7 +46,7 @@ def test_a_moving_region_can_be_left_out() -> None:
     assert turned.vector == pytest.approx(vector, abs=5e-4)  # fewer points, all at the rim
 
 
-def test_what_cannot_be_told_says_why() -> None:
+def test_refusals_have_reasons() -> None:
     ego = EgoMotion(CAMERA)
     assert ego(_frame(_picture(np.zeros(3)), 0)) == "no previous frame"
     assert ego(_frame(np.zeros((480, 640, 3), np.uint8), 1)) == "picture is black"

@@ -65,7 +65,7 @@ def test_a_target_that_leaves_the_picture_is_refused(
             assert isinstance(track, str)
 
 
-def test_the_covariance_tells_the_noise(clean: list[sequences.LabelledPicture]) -> None:
+def test_the_covariance_matches_the_noise(clean: list[sequences.LabelledPicture]) -> None:
     """The same picture with fresh noise: the places scatter as the covariance says, to a factor."""
     random = np.random.default_rng(5)
     tracker = _tracker(clean[0])
@@ -86,7 +86,7 @@ def test_the_covariance_tells_the_noise(clean: list[sequences.LabelledPicture]) 
     ("centre", "half", "why"),
     [((5.0, 5.0), (20, 20), "beyond the picture"), ((320.0, 30.0), (20, 20), "too little texture")],
 )
-def test_a_window_that_cannot_be_followed_says_why(
+def test_a_window_that_cannot_be_followed_is_refused_with_a_reason(
     clean: list[sequences.LabelledPicture],
     centre: tuple[float, float],
     half: tuple[int, int],
@@ -98,7 +98,7 @@ def test_a_window_that_cannot_be_followed_says_why(
         FeatureTracker(plain, centre, half)
 
 
-def test_normalised_contrast_forgets_gain_and_offset(
+def test_normalised_contrast_is_independent_of_gain_and_offset(
     clean: list[sequences.LabelledPicture],
 ) -> None:
     grey = clean[0].grey

@@ -34,7 +34,7 @@ def test_an_equidistant_fisheye_shows_angles_as_lengths(angle_deg: float) -> Non
     assert camera_model.off_axis_angle(FISHEYE, (u, v)) == pytest.approx(theta, abs=1e-12)
 
 
-def test_its_corners_are_as_far_apart_as_was_asked() -> None:
+def test_its_corners_span_the_given_field_of_view() -> None:
     assert 2 * camera_model.off_axis_angle(FISHEYE, (-0.5, -0.5)) == pytest.approx(radians(120))
 
 
@@ -59,7 +59,7 @@ def test_one_point_and_many_agree(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_the_jacobian_is_that_of_the_projection(name: str) -> None:
+def test_the_jacobian_is_the_derivative_of_the_projection(name: str) -> None:
     camera = CAMERAS[name]
     points = np.array([[0.02, -0.01, 0.1], [0.001, 0.0, 0.05], [-0.05, 0.03, 0.08]])
     slope = camera_model.jacobian(camera, points)
@@ -72,7 +72,7 @@ def test_the_jacobian_is_that_of_the_projection(name: str) -> None:
 
 @pytest.mark.parametrize("mask", ["none", "octagon", "circle"])
 @pytest.mark.parametrize("size", [(64, 48), (72, 57)])
-def test_masks_agree_with_themselves(
+def test_both_mask_functions_agree(
     mask: Literal["none", "octagon", "circle"], size: tuple[int, int]
 ) -> None:
     width, height = size

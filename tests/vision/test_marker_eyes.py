@@ -36,7 +36,7 @@ def test_markers_and_truth_agree(lock: Run) -> None:
 
 
 @pytest.mark.parametrize("noise_px", [0.3, 0.6])
-def test_the_covariance_is_that_of_noisy_corners(noise_px: float) -> None:
+def test_the_covariance_matches_noisy_corners(noise_px: float) -> None:
     """Known corners with white noise, through the part of the eyes that fits the board."""
     rig = TwinRig("rest", pictures=False)
     camera = rig.camera.calibration
@@ -85,7 +85,7 @@ def test_too_few_markers_are_refused_with_a_reason() -> None:
 
 
 @pytest.mark.parametrize(("level", "why"), [(0, "picture is black"), (255, "picture is saturated")])
-def test_black_and_saturated_frames_show_nothing(level: int, why: str) -> None:
+def test_black_and_saturated_frames_are_refused(level: int, why: str) -> None:
     frame, eyes = _head_on()
     assert eyes(frame).status is Status.TRACKING
     observation = eyes(_with(frame, np.full((480, 640, 3), level, np.uint8)))

@@ -25,7 +25,7 @@ FRAME = Frame(image=GREY, t_capture=0.0, t_available=0.4, seq=3, dropped=0)
         (replace(FRAME, image=GREY + 135), "picture is saturated"),
     ],
 )
-def test_the_reason_is_told(frame: Frame, why: str) -> None:
+def test_the_reason_is_returned(frame: Frame, why: str) -> None:
     assert refusal.reason(frame, CAMERA) == why
 
 

@@ -17,7 +17,7 @@ from endolock.vision.observation import COAST_FRAMES, Status
 from endolock.vision.track_eyes import TrackEyes
 
 
-def test_a_run_without_markers_is_locked_and_judged_by_them() -> None:
+def test_a_run_is_locked_without_markers_and_measured_with_them() -> None:
     with TwinRig("straight") as rig:
         camera = rig.camera.calibration
         result = run(rig, TrackEyes(camera, rig.board), PI(camera), duration_s=5.0)
@@ -102,7 +102,7 @@ def test_without_a_target_to_start_from_it_searches() -> None:
     assert eyes(frame).status is Status.TRACKING
 
 
-def test_a_repeated_picture_is_never_new() -> None:
+def test_a_repeated_picture_is_refused() -> None:
     frame, rig = _first()
     eyes = TrackEyes(rig.camera.calibration, rig.board)
     assert eyes(frame).status is Status.TRACKING

@@ -29,7 +29,7 @@ def look(name: str, seconds: float, **changes: float) -> list[Observation]:
     return seen
 
 
-def test_a_target_behind_a_plate_is_hidden_and_said_so() -> None:
+def test_a_target_behind_a_plate_is_reported_as_hidden() -> None:
     # models/scenarios/occlusion.toml: hidden from 6.4 to 7.4 s with the target at the centre
     seen = look("occlusion", 9.0, **{"camera.latency_s": 0.0})
     hidden = [one for one in seen if one.why == "target hidden"]
@@ -58,14 +58,14 @@ def test_hidden_means_that_the_picture_shows_the_plate_there() -> None:
     assert sorted(hidden)[-3] < 5 < 20 < sorted(shown)[2]  # grey levels, per colour
 
 
-def test_noise_has_the_deviation_that_is_asked_for() -> None:
+def test_noise_has_the_given_deviation() -> None:
     seen = look("rest", 20.0, **{"camera.truth_noise_px": 3.0, "camera.latency_s": 0.0})
     pixels = np.array([one.target_px for one in seen])
     assert pixels.std(axis=0) == pytest.approx([3.0, 3.0], rel=0.1)  # 500 each; one sigma is 3 %
     assert {one.covariance for one in seen} == {(9.0, 0.0, 9.0)}
 
 
-def test_the_camera_believes_its_nominal_latency() -> None:
+def test_capture_times_use_the_nominal_latency() -> None:
     seen = look("rest", 1.0, **{"camera.latency_s": 0.3, "camera.nominal_latency_s": 0.2})
     assert seen[5].t_capture == pytest.approx(5 / 25 + 0.1)
 

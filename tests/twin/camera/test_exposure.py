@@ -23,7 +23,9 @@ TIMESTEP_S = 0.002
 @given(
     rate=st.floats(5, 60), share=st.floats(0, 1), parts=st.integers(0, 5).map(lambda n: 2 * n + 1)
 )
-def test_moments_stand_around_their_frames_in_order(rate: float, share: float, parts: int) -> None:
+def test_sub_exposures_are_centred_on_their_frames_and_in_order(
+    rate: float, share: float, parts: int
+) -> None:
     camera = CameraSettings(
         frame_rate_hz=rate, exposure_s=min(0.1, share / rate), sub_exposures=parts
     )
@@ -56,12 +58,12 @@ def test_without_pictures_only_the_middle_counts() -> None:
         ({"board.target": 2}, "target 2: board rings has 1, from 0"),
     ],
 )
-def test_what_no_camera_can_do_is_refused(camera: dict[str, Any], why: str) -> None:
+def test_impossible_exposures_are_refused(camera: dict[str, Any], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         scenario.load("straight", camera)
 
 
-def test_a_blurred_target_is_where_it_was_in_the_middle_of_the_exposure() -> None:
+def test_a_blurred_target_is_at_its_position_in_mid_exposure() -> None:
     blur = {"camera.exposure_s": 0.03, "camera.latency_s": 0.0}
     fast = [{"kind": "jump", "direction_deg": 0.0, "travel_m": 0.08, "start_s": 0.0, "over_s": 2.0}]
     with TwinRig(scenario.load("rest", {**blur, "motion": fast})) as rig:
@@ -94,7 +96,7 @@ def test_a_picture_in_which_nothing_moves_by_a_pixel_is_drawn_once() -> None:
     assert not np.array_equal(picture(0.03, 3), picture(0.03, 1))
 
 
-def test_what_moves_fastest_in_the_picture_is_known() -> None:
+def test_the_fastest_speed_in_the_picture_is_estimated() -> None:
     def speed(**changes: Any) -> float:
         with TwinRig(scenario.load("rest", changes), pictures=False) as rig:
             rig.clock.sleep_until(1.0)
@@ -111,7 +113,7 @@ def test_what_moves_fastest_in_the_picture_is_known() -> None:
     assert speed() < 1e-3  # the tip settles
 
 
-def test_repeated_pictures_are_flagged_and_never_new() -> None:
+def test_repeated_pictures_are_flagged_and_not_accepted() -> None:
     repeats = {"camera.repeat_fraction": 0.3, "camera.latency_s": 0.0}
     with TwinRig(scenario.load("circle", repeats)) as rig:
         eyes = MarkerEyes(rig.camera.calibration, rig.board)

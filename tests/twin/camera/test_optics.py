@@ -20,14 +20,14 @@ def _developed(*pictures: Image, seed: int = 0, **camera: Any) -> np.ndarray:
     return optics.Optics(CameraSettings(**camera), seed).develop(pictures or [GREY])
 
 
-def test_without_optics_a_picture_stays_what_it_is() -> None:
+def test_ideal_optics_leave_a_picture_unchanged() -> None:
     random = np.random.default_rng(0).integers(0, 255, GREY.shape, np.uint8)
     assert np.array_equal(_developed(random), random)
 
 
 @pytest.mark.parametrize("diagonal_deg", [120.0, 140.0])
 @pytest.mark.parametrize("mask", ["none", "octagon"])
-def test_a_fisheye_shows_the_target_where_it_is(diagonal_deg: float, mask: str) -> None:
+def test_a_fisheye_shows_the_target_at_its_projection(diagonal_deg: float, mask: str) -> None:
     camera = {"projection": "equidistant", "diagonal_deg": diagonal_deg, "mask": mask}
     random = np.random.default_rng(2)
     overrides = {f"camera.{key}": value for key, value in camera.items()}
@@ -43,7 +43,7 @@ def test_a_fisheye_shows_the_target_where_it_is(diagonal_deg: float, mask: str) 
     assert np.sqrt(np.mean(np.square(off))) <= 0.1  # the gate of the issue; 0.02-0.05 measured
 
 
-def test_what_is_rendered_is_just_wide_enough() -> None:
+def test_the_rendered_picture_just_covers_the_fisheye() -> None:
     camera = CameraSettings(projection="equidistant", mask="octagon")
     fisheye, shot = optics.calibration(camera), optics.shot(camera)
     rays = np.array(
@@ -75,7 +75,7 @@ def test_vignette_and_gain_in_closed_form() -> None:
     assert (_developed(gain=3.0) == 255).all()  # above white is cut
 
 
-def test_noise_has_its_deviation_and_its_seed() -> None:
+def test_noise_has_its_deviation_and_depends_on_its_seed() -> None:
     image = _developed(noise=6.0)
     # a million draws: 0.1 %; rounding to whole levels adds 1/12 to a variance of 36
     assert image.astype(float).std() == pytest.approx(6.0, rel=0.01)
@@ -86,12 +86,12 @@ def test_noise_has_its_deviation_and_its_seed() -> None:
     assert not np.array_equal(twice.develop([GREY]), twice.develop([GREY]))
 
 
-def test_an_exposure_is_the_mean_of_its_moments() -> None:
+def test_an_exposure_is_the_mean_of_its_pictures() -> None:
     pictures = [np.full_like(GREY, level) for level in (40, 100, 160)]
     assert (_developed(*pictures) == 100).all()
 
 
-def test_compression_spoils_edges_and_leaves_flat_parts() -> None:
+def test_compression_changes_edges_and_not_flat_parts() -> None:
     # at quality 50 the mean of a block is kept in steps of 2 levels, at 20 in steps of 5
     assert np.abs(_developed(jpeg_quality=50).astype(int) - 100).max() <= 2
     edge = GREY.copy()

@@ -29,7 +29,7 @@ def gymnasium() -> Any:
 
 
 @pytest.mark.parametrize("name", ["Endolock/TargetLock-v0", "Endolock/TargetLock-Pixels-v0"])
-def test_the_checker_has_nothing_to_say(gymnasium: Any, name: str) -> None:
+def test_the_checker_of_gymnasium_passes(gymnasium: Any, name: str) -> None:
     from gymnasium.utils.env_checker import check_env
 
     made = gymnasium.make(f"endolock.twin.env.gym_env:{name}")
@@ -37,7 +37,7 @@ def test_the_checker_has_nothing_to_say(gymnasium: Any, name: str) -> None:
     made.close()
 
 
-def test_it_is_the_dm_control_environment(gymnasium: Any) -> None:
+def test_it_equals_the_dm_control_environment(gymnasium: Any) -> None:
     made = gymnasium.make("Endolock/TargetLock-v0", scenario=SMALL)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
     with target_lock.make(SMALL, seed=5) as ours:
@@ -70,7 +70,7 @@ def test_render_shows_what_pixels_observe(gymnasium: Any) -> None:
         type(made.unwrapped)(render_mode="human")
 
 
-def test_side_by_side_each_has_its_seed_and_equals_the_single_one(gymnasium: Any) -> None:
+def test_parallel_environments_have_own_seeds_and_equal_single_ones(gymnasium: Any) -> None:
     from endolock.twin.env import gym_env
 
     noisy = scenario.load("circle", {"camera.latency_s": 0.1, "camera.jitter_s": 0.05})
@@ -94,7 +94,7 @@ def test_side_by_side_each_has_its_seed_and_equals_the_single_one(gymnasium: Any
     assert not multiprocessing.active_children()
 
 
-def test_the_benchmark_measures_them(gymnasium: Any) -> None:
+def test_the_speed_benchmark_runs(gymnasium: Any) -> None:
     from endolock.scripts.speed import environment_speed
 
     figures = environment_speed.environments()

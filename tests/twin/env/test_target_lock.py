@@ -73,7 +73,7 @@ def _bits(steps: list[Any]) -> list[Any]:
     ]
 
 
-def test_reward_is_one_at_the_centre_and_a_half_where_it_says() -> None:
+def test_reward_is_one_at_the_centre_and_a_half_at_half_error() -> None:
     with target_lock.make("rest") as made:
         made.reset()
         assert made.step((0.0, 0.0)).reward == pytest.approx(1.0, abs=1e-6)  # 5 mdeg of sag
@@ -148,7 +148,7 @@ def test_the_picture_is_late_by_its_age() -> None:
         assert np.hypot(*np.subtract(now, then.target_px)) > 5  # it moved on since
 
 
-def test_the_error_is_above_and_right_and_eyes_agree() -> None:
+def test_the_error_is_above_and_right_for_both_kinds_of_eyes() -> None:
     def marker_eyes(rig: TwinRig) -> Eyes:
         return MarkerEyes(rig.camera.calibration, rig.board)
 
@@ -207,7 +207,7 @@ def test_turning_by_the_error_brings_the_target_nearer() -> None:
         assert np.abs(step.observation["target_error"][1]) < np.abs(first[1]) / 2
 
 
-def test_what_was_last_seen_stays_and_ages_once_the_target_is_lost() -> None:
+def test_the_last_error_is_kept_and_ages_when_the_target_is_lost() -> None:
     with target_lock.make(_load("rest", latency_s=0.1)) as made:
         made.reset()
         seen: list[Any] = []

@@ -63,7 +63,7 @@ def test_the_board_is_upright_and_in_the_middle() -> None:
     ("handles", "shift"),
     [((0.4, 0.0), (0, 1)), ((-0.4, 0.0), (0, -1)), ((0.0, 0.4), (-1, 0)), ((0.0, -0.4), (1, 0))],
 )
-def test_handles_turn_the_view_as_named(
+def test_positive_handles_turn_the_view_up_and_right(
     handles: tuple[float, float], shift: tuple[int, int]
 ) -> None:
     """Up makes a still target sink in the picture, right makes it go left."""
@@ -128,14 +128,14 @@ def test_the_fixed_camera_sees_the_section() -> None:
     assert seen == set(rings)
 
 
-def test_a_camera_of_another_name_is_refused() -> None:
+def test_an_unknown_camera_name_is_refused() -> None:
     model = scene.build().compile()
     message = "camera 'tipp' is not in models/endoscope/scene.xml; use overview, tip"
     with pytest.raises(ConfigError, match=message):
         scene.camera_id(model, "tipp")
 
 
-def test_the_committed_scene_runs_by_itself_without_a_warning() -> None:
+def test_the_committed_scene_runs_without_the_twin_and_without_warnings() -> None:
     """As `python -m mujoco.viewer` runs it: one second of Halton-like control, no twin around."""
     model = mujoco.MjModel.from_xml_path(str(generate.folder() / "scene.xml"))
     data = mujoco.MjData(model)

@@ -52,7 +52,7 @@ def test_a_wire_cannot_push() -> None:
     assert not data.qfrc_spring[hinge_dofs].any()
 
 
-def test_committed_files_are_what_the_builders_write() -> None:
+def test_the_committed_files_are_those_of_the_builders() -> None:
     place = generate.folder()
     assert (place / "section.xml").read_text() == generate.section_xml()
     assert (place / "scene.xml").read_text() == generate.scene_xml()
@@ -103,7 +103,7 @@ def test_the_committed_scene_is_the_twin() -> None:
         assert np.array_equal(getattr(committed, field), getattr(built, field)), field
 
 
-def test_files_keep_to_their_columns() -> None:
+def test_lines_of_the_files_are_not_too_long() -> None:
     for file in generate.folder().glob("*.xml"):
         assert max(len(line) for line in file.read_text().splitlines()) <= generate.COLUMNS
 

@@ -36,7 +36,7 @@ def test_rolling_the_shaft_turns_tip_and_camera_and_bends_nothing() -> None:
     assert turned.tip.rotation_vector == pytest.approx(about_z, abs=1e-9)
 
 
-def test_bends_are_told_in_the_axes_of_the_section() -> None:
+def test_bends_are_in_the_axes_of_the_section() -> None:
     still, rolled = Scenario(name="still"), Scenario(name="roll", shaft=(ROLL,))
     bend, turned = (_state(_bent(scenario)) for scenario in (still, rolled))
     assert turned.bend_rad == pytest.approx(bend.bend_rad, abs=1e-9)
@@ -45,7 +45,7 @@ def test_bends_are_told_in_the_axes_of_the_section() -> None:
     assert turned.tip.position == pytest.approx((c * x - s * y, s * x + c * y, z), abs=1e-9)
 
 
-def test_a_camera_turned_in_the_tip_turns_the_picture_alone() -> None:
+def test_a_misaligned_camera_rotates_only_the_picture() -> None:
     angle = 0.25
     scenario = Scenario(name="still")
     straight, turned = _bent(scenario), _bent(scenario, misalignment_rad=angle)
@@ -68,7 +68,7 @@ def test_a_camera_turned_in_the_tip_turns_the_picture_alone() -> None:
     assert pixels[1] == pytest.approx(np.array([[c, s], [-s, c]]) @ pixels[0], abs=1e-6)
 
 
-def test_weight_bends_down_wherever_down_is() -> None:
+def test_weight_bends_the_section_down_at_any_roll() -> None:
     """A straight section hangs; after a quarter turn of the shaft it hangs towards its side."""
     hanging = Scenario(name="hanging", gravity=True)
     plant = TwinPlant(hanging, Instrument(), Numerics(), 0)
@@ -79,7 +79,7 @@ def test_weight_bends_down_wherever_down_is() -> None:
     assert _state(plant).tip.position[1] > 0  # y is down
 
 
-def test_a_push_moves_the_tip_its_way_and_friction_keeps_some() -> None:
+def test_a_push_moves_the_tip_and_friction_keeps_part_of_it() -> None:
     push = Push(start_s=0.2, over_s=0.6, force_n=1.0, direction_deg=0.0)
     plant = TwinPlant(Scenario(name="push", push=(push,)), Instrument(), Numerics(), 0)
     plant.advance(250)

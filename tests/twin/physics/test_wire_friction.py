@@ -33,7 +33,7 @@ def test_without_friction_the_cable_is_one_spring(nodes: int) -> None:
 
 
 @pytest.mark.parametrize("numerics", NUMERICS.values(), ids=NUMERICS)
-def test_rest_is_rest(numerics: Numerics) -> None:
+def test_nothing_moves_at_rest(numerics: Numerics) -> None:
     rig = TwinRig("rest", numerics=numerics, pictures=False)
     rig.clock.sleep_until(1.0)
     plant = rig.truth.now().plant
@@ -72,7 +72,7 @@ def test_the_nodes_friction_rows_are_stiffened() -> None:
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.5, 0.9, 1.1, 2.0, 4.0])
-def test_bending_the_shaft_takes_the_slack_and_then_pulls(fraction: float) -> None:
+def test_bending_the_shaft_removes_the_slack_and_then_adds_tension(fraction: float) -> None:
     """The two regions: at slack_m / slack_loss the deadband is gone and pretension begins."""
     two = instrument_files.load("two_region")
     shaft = fraction * two.slack_m / two.slack_loss_m_per_rad
@@ -93,7 +93,7 @@ def test_bending_the_shaft_takes_the_slack_and_then_pulls(fraction: float) -> No
     assert dead == pytest.approx(right, rel=0.1, abs=0.002)  # threshold of the tip; four rows
 
 
-def test_a_shaft_bent_on_the_way_is_as_one_bent_from_the_start() -> None:
+def test_a_shaft_bent_during_a_run_ends_as_one_bent_from_the_start() -> None:
     """Bent while the handles stand at zero, it changes stiffness and tension and nothing else."""
     bent = scenario.load("rest", {"shaft_bend_deg": 0.0})
     change = {"kind": "bend", "start_s": 0.5, "over_s": 1.0, "by_deg": 180.0}

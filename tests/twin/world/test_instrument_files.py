@@ -13,7 +13,7 @@ from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import Instrument
 
 
-def test_the_default_is_the_file_of_its_name() -> None:
+def test_pretensioned_is_the_default() -> None:
     assert instrument_files.load("pretensioned") == Instrument()
 
 
@@ -25,7 +25,7 @@ def test_the_two_regions_end_where_the_default_is() -> None:
 
 
 @given(slack_m=st.floats(-0.01, 0.01), stiffness=st.floats(1.0, 1e6))
-def test_an_instrument_survives_its_file(
+def test_an_instrument_is_unchanged_by_writing_and_reading(
     tmp_path_factory: pytest.TempPathFactory, slack_m: float, stiffness: float
 ) -> None:
     instrument = Instrument(slack_m=slack_m, wire_stiffness=stiffness)
@@ -34,7 +34,7 @@ def test_an_instrument_survives_its_file(
     assert instrument_files.load(file) == instrument
 
 
-def test_a_file_says_what_every_value_means() -> None:
+def test_a_written_file_explains_every_value() -> None:
     text = instrument_files.dump(Instrument(), "Mine.")
     for field, meaning in zip(fields(Instrument), instrument_files.meanings().items(), strict=True):
         name, told = meaning

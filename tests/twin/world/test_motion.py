@@ -81,18 +81,18 @@ def test_the_triangle_never_jumps(t: float, turn_s: float) -> None:
     assert abs(after - before) <= speed * 1e-3 + 1e-12  # rounding
 
 
-def test_a_turn_longer_than_half_a_period_is_refused() -> None:
+def test_a_reversal_longer_than_half_a_period_is_refused() -> None:
     with pytest.raises(ValidationError, match=r"turn_s 0\.6 is more than half of period_s 1; use"):
         motion.Triangle(kind="triangle", travel_m=0.1, period_s=1.0, turn_s=0.6)
 
 
-def test_a_sine_is_given_from_peak_to_peak() -> None:
+def test_the_travel_of_a_sine_is_peak_to_peak() -> None:
     breathing = motion.Sine(kind="sine", travel_m=0.01, frequency_hz=0.25, direction_deg=90.0)
     places = [breathing.offset(t)[1] for t in (0.0, 1.0, 2.0, 3.0)]
     assert places == pytest.approx([0.0, -0.005, 0.0, 0.005])
 
 
-def test_a_jump_goes_evenly_and_stays() -> None:
+def test_a_jump_has_constant_speed_and_is_permanent() -> None:
     jump = motion.Jump(kind="jump", travel_m=0.02, start_s=10.0, over_s=1.0, direction_deg=-90.0)
     places = [jump.offset(t)[1] for t in (0.0, 10.0, 10.25, 11.0, 1e6)]
     assert places == pytest.approx([0.0, 0.0, 0.005, 0.02, 0.02])
@@ -112,7 +112,7 @@ def _sampled(count: int, step_s: float, seed: int = 0) -> Vector:
     return np.array([path.offset(n * step_s) for n in range(count)])
 
 
-def test_random_motion_has_the_speed_it_is_given() -> None:
+def test_random_motion_has_the_given_rms_speed() -> None:
     places = _sampled(200_000, 0.01)
     speed = np.diff(places, axis=0) / 0.01
     # 2000 s hold some 2500 independent values of the speed (correlation time 0.4 s), so its rms has

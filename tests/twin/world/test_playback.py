@@ -51,7 +51,7 @@ def test_motions_add_up() -> None:
     assert _course(motion=[stroke, stroke, JUMP]).board(1.5) == pytest.approx((0.11, 0.0))
 
 
-def test_ramps_of_the_shaft_add_up_and_stay() -> None:
+def test_changes_of_the_shaft_add_up_and_are_permanent() -> None:
     bend = {"kind": "bend", "start_s": 20.0, "over_s": 20.0, "by_deg": 360.0}
     course = _course(shaft_bend_deg=90.0, shaft=[bend, _roll(5.0, 10.0), _roll(5.5, -30.0)])
     bends = [course.shaft_bend_rad(t) for t in (0.0, 20.0, 25.0, 40.0, 1e5)]
@@ -70,13 +70,13 @@ def test_a_push_is_half_a_sine(t: float) -> None:
     assert course.pushes
 
 
-def test_pushes_leave_nothing_behind_and_add_up() -> None:
+def test_pushes_end_and_add_up() -> None:
     course = _course(push=[PUSH, {**PUSH, "direction_deg": 0.0}])
     assert course.tip_force(10.0) == course.tip_force(11.0) == (0.0, 0.0, 0.0)
     assert course.tip_force(10.5) == pytest.approx((0.4, -0.4, 0.0))
 
 
-def test_an_occluder_waits_moves_and_parks() -> None:
+def test_an_occluder_waits_moves_and_stops() -> None:
     course = _course(occluder=[PLATE, {**PLATE, "start_s": 9.0}])
     places = [course.occluders(t)[0] for t in (0.0, 2.0, 3.0, 6.0, 1e5)]
     assert np.array(places) == pytest.approx(
@@ -132,7 +132,7 @@ def test_occluders_are_bodies_that_hide_and_touch_nothing() -> None:
         assert model.body(f"occluder_{n}").mocapid[0] >= 0
 
 
-def test_an_occluder_is_seen_where_it_is_put() -> None:
+def test_an_occluder_is_seen_at_its_position() -> None:
     """A plate of 40 x 20 mm, 60 mm ahead, fills f w / d by f h / d pixels of the picture."""
     model = scene.build(occluders=[scene.Plate((0.04, 0.02), "plain")]).compile()
     data = mujoco.MjData(model)

@@ -38,7 +38,7 @@ def test_overrides_replace_the_file() -> None:
     assert loaded.board == scenario.load("straight").board
 
 
-def test_there_is_a_tracker_where_the_file_or_an_override_gives_one(tmp_path: Path) -> None:
+def test_a_tracker_is_added_by_a_file_or_an_override(tmp_path: Path) -> None:
     assert scenario.load("straight").tracker is None
     faster = scenario.load("straight", {"tracker.rate_hz": 50})
     assert faster.tracker == PoseTrackerSettings(rate_hz=50.0)
@@ -69,7 +69,7 @@ def test_everything_can_be_combined(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", scenario.names())
-def test_every_scenario_says_what_it_is_and_starts_its_events_in_time(name: str) -> None:
+def test_every_scenario_has_a_summary_and_its_events_start_in_time(name: str) -> None:
     loaded = scenario.load(name)
     assert loaded.summary
     assert len(loaded.summary) <= 100  # one line
@@ -126,7 +126,7 @@ def test_every_scenario_says_what_it_is_and_starts_its_events_in_time(name: str)
         (f"{PLATE}distance_m = 0.06\nsize = 1", "did you mean occluder.0.size_m?"),
     ],
 )
-def test_wrong_files_are_explained_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_errors_in_files_are_explained_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
