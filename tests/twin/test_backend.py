@@ -1,4 +1,4 @@
-"""What draws the pictures: in CI it must be EGL, not whatever else happens to be installed."""
+"""In CI, pictures must be drawn with EGL, not with another installed platform."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from endolock.twin.world import scenario
 
 
 def egl_is_current() -> bool:
-    """Whether this thread draws into a context of EGL."""
+    """Return whether this thread has a current EGL context."""
     if endolock.opengl() != "egl":
         return False
-    from OpenGL import EGL  # fails to load where MuJoCo was told to use another one
+    from OpenGL import EGL  # fails to load if MuJoCo uses another platform
 
     return bool(EGL.eglGetCurrentContext())
 
@@ -24,5 +24,5 @@ def test_in_ci_pictures_come_through_egl() -> None:
     with Studio(scenario.load("rest")) as studio:
         image = studio.take(Place((0.0, 0.0, 0.12))).frame.image
         assert image is not None
-        assert np.std(image) > 10  # the board is on it
+        assert np.std(image) > 10  # it shows the board
         assert egl_is_current() or not os.environ.get("CI")

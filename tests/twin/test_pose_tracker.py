@@ -1,4 +1,4 @@
-"""The virtual pose tracker: when it measures and delivers, how well, and what it leaves be."""
+"""The virtual pose tracker: rate, latency, noise, dropouts, and no side effects."""
 
 from math import degrees, hypot, pi
 from typing import Any
@@ -22,7 +22,7 @@ def _rig(seed: int = 0, instrument: Instrument | None = None, **tracker: float) 
 
 
 def _poses(rig: TwinRig, count: int, every_s: float = 0.010) -> list[Pose]:
-    """Collect every pose of a rig that stands still."""
+    """Collect every pose of a rig at rest."""
     assert rig.tracker is not None
     found: dict[float, Pose] = {}
     for n in range(count):
@@ -63,9 +63,9 @@ def test_it_measures_at_its_rate_and_delivers_late() -> None:
         t = rig.clock.sleep_until(0.002 * n)
         if pose := rig.tracker.latest():
             arrivals.setdefault(pose.t, t)
-    assert list(arrivals) == pytest.approx(np.arange(9) * 0.02)  # 0.198 s less 0.03 s
+    assert list(arrivals) == pytest.approx(np.arange(9) * 0.02)  # 0.198 s minus 0.03 s
     late = [arrival - measured for measured, arrival in arrivals.items()]
-    assert late == pytest.approx([0.03] * len(late), abs=0.002)  # looked for every 2 ms
+    assert late == pytest.approx([0.03] * len(late), abs=0.002)  # polled every 2 ms
 
 
 def test_the_noise_has_the_given_deviation() -> None:
@@ -73,7 +73,7 @@ def test_the_noise_has_the_given_deviation() -> None:
     poses = _poses(rig, 2000)
     shifts = np.array([pose.position for pose in poses])
     turns = np.degrees([pose.rotation_vector for pose in poses])
-    # the spread of an estimate from 2000 is 1/sqrt(4000) = 1.6 %; four of them
+    # the spread of an estimate from 2000 is 1/sqrt(4000) = 1.6 %; four standard deviations
     assert shifts.std(axis=0) == pytest.approx([0.001] * 3, rel=0.064)
     assert turns.std(axis=0) == pytest.approx([0.5] * 3, rel=0.064)
     assert np.abs(shifts.mean(axis=0)).max() < 4 * 0.001 / 2000**0.5
@@ -82,7 +82,7 @@ def test_the_noise_has_the_given_deviation() -> None:
 
 def test_poses_are_dropped_at_the_given_rate() -> None:
     count = len(_poses(_rig(drop_fraction=0.3, latency_s=0.0), 2000))
-    # binomial: the spread is sqrt(2000 x 0.3 x 0.7) = 20; four of them
+    # binomial: the spread is sqrt(2000 x 0.3 x 0.7) = 20; four standard deviations
     assert count == pytest.approx(1400, abs=82)
 
 
@@ -91,7 +91,7 @@ def test_poses_are_dropped_at_the_given_rate() -> None:
     cuts=st.lists(st.integers(0, 150), max_size=8), rate_hz=st.sampled_from([30.0, 100.0, 700.0])
 )
 def test_slicing_a_sleep_changes_no_bit(cuts: list[int], rate_hz: float) -> None:
-    """Cuts stand on the 2 ms grid; some rates are off it, one is above it."""
+    """Cuts are on the 2 ms grid; some rates are not, and one is above it."""
 
     def end(moments: list[float]) -> tuple[Pose | None, bytes]:
         rig = _rig(rate_hz=rate_hz, drop_fraction=0.1)

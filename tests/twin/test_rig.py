@@ -1,4 +1,4 @@
-"""The twin as a rig: one schedule, late frames, true and believed time, reproducible bits."""
+"""The twin as a rig: one schedule, late frames, true and estimated time, reproducible bits."""
 
 import hashlib
 from concurrent.futures import ThreadPoolExecutor
@@ -44,13 +44,13 @@ def test_time_moves_only_while_sleeping() -> None:
 @settings(max_examples=10)
 @given(cuts=st.lists(st.integers(0, 250), max_size=12))
 def test_slicing_a_sleep_changes_no_bit(cuts: list[int]) -> None:
-    """Cuts stand on the 2 ms grid of the physics, most of them off the 10 ms of the friction."""
+    """Cuts are on the 2 ms grid of the physics, most of them not on the 10 ms grid of friction."""
 
     def end(moments: list[float]) -> tuple[bytes, int, float]:
         rig = TwinRig(_fast(latency_s=0.06, jitter_s=0.05, drop_fraction=0.2), pictures=False)
         with rig:
             rig.actuators.enable()
-            rig.clock.sleep_until(0.1)  # the guard lets the goal move by as much as this allows
+            rig.clock.sleep_until(0.1)  # the guard limits the goal to the speed of the handle
             rig.actuators.exchange(Command(position=(0.3, -0.3), valid_for=9.0))
             for t in [*sorted(moments), 0.6]:
                 rig.clock.sleep_until(t)
@@ -122,7 +122,7 @@ def test_home_moves_the_limits_with_the_zero() -> None:
 def test_an_unstable_simulation_is_an_error(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # MuJoCo writes its own log beside
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log to the current folder
     rig = TwinRig("rest", pictures=False)
     rig.plant.data.qvel[:] = float("nan")
     with pytest.raises(ConfigError, match=r"the simulation became unstable before t = 0\.010 s"):
@@ -171,8 +171,8 @@ def test_jitter_makes_capture_times_inexact_and_keeps_the_order() -> None:
         assert last <= frame.t_available <= now + 1e-9  # the clock's grid, nothing from the future
         last = frame.t_available
         apart.append(frame.t_capture - rig.truth.at_exposure(frame.seq).t)
-    assert max(np.abs(apart)) <= 0.05 + 1e-9  # the jitter given
-    assert np.std(apart) > 0.01  # evenly spread over +-50 ms it is 29 ms
+    assert max(np.abs(apart)) <= 0.05 + 1e-9  # the given jitter
+    assert np.std(apart) > 0.01  # uniform over +-50 ms it is 29 ms
 
 
 def test_dropped_frames_are_counted_and_leave_gaps() -> None:
@@ -194,7 +194,7 @@ def test_noise_sources_are_independent() -> None:
     assert not np.array_equal(a.random(8), b.random(8))
 
     def delays(drop_fraction: float) -> dict[int, float]:
-        # 10 ms of jitter cannot reorder frames 40 ms apart, so nothing else moves the stamps
+        # 10 ms of jitter cannot reorder frames 40 ms apart, so nothing else changes the time stamps
         camera = _fast(latency_s=0.1, jitter_s=0.01, drop_fraction=drop_fraction)
         rig = TwinRig(camera, pictures=False, seed=5)
         stamps = {}
@@ -251,5 +251,5 @@ def test_without_torque_a_geared_handle_brakes() -> None:
             rig.clock.sleep_until(0.02 * n)
             state = rig.actuators.exchange(None)
             fastest = max(fastest, abs(state.velocity[0]))
-        assert 0 < state.position[0] < turned  # the wires pull it back, it does not swing through
+        assert 0 < state.position[0] < turned  # the wires pull it back without overshoot
         assert fastest < rig.actuators.limits.velocity_rad_s[0]

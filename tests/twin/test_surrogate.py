@@ -1,4 +1,4 @@
-"""The surrogate behind the rig API: its kinematics, its repetition, its likeness to the twin."""
+"""The surrogate rig: kinematics, reproducibility, agreement with the twin."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ LAWS = ("pi", "pi_simc", "ik_sync")
 
 
 def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
-    """Rms error of a law from 10 to 30 s [px]."""
+    """Return the rms error of a controller from 10 to 30 s [px]."""
     with rig:
         rig.clock.sleep_until(0.0)
         camera = rig.camera.calibration
@@ -107,8 +107,9 @@ def test_controllers_score_about_as_on_the_twin(name: str) -> None:
     # The same wires without inertia and gravity: 2 % measured.
     near = {law: scored(SurrogateRig(name, transmission=wires), law) for law in LAWS}
     assert near == pytest.approx(twin, rel=0.05)
-    # Plays know neither the other axis nor the bend. They are there for ranking laws, which differ
-    # by tens of per cent; `pi`, whose gain margin is 1.5, makes most of it: 15 % measured.
+    # Plays model neither the other axis nor the bend. They serve to rank controllers, which differ
+    # by tens of per cent; the difference is largest for `pi`, with a gain margin of 1.5: 15 %
+    # measured.
     rough = {law: scored(SurrogateRig(name, transmission=plays), law) for law in LAWS}
     assert sorted(LAWS, key=rough.__getitem__) == sorted(LAWS, key=twin.__getitem__)
     assert rough == pytest.approx(twin, rel=0.2)
@@ -123,7 +124,7 @@ def test_wires_widen_the_loop_with_the_bend_of_the_other_axis() -> None:
             axes.follow((0.0, other * n / 100))
 
         def turn(start: float, end: float, at: Follower = axes, held: float = other) -> float:
-            """Turn a handle; return where the bend passes the middle [rad]."""
+            """Turn a handle; return the handle angles at which the bend passes zero [rad]."""
             course = np.linspace(start, end, 121).tolist()
             bends = [at.follow((handle, held))[0] for handle in course]
             pairs = sorted(zip(bends, course, strict=True))

@@ -1,4 +1,4 @@
-"""The board's pose from exact and from noisy corners, through a pinhole and through a fisheye."""
+"""Pose of the board from exact and from noisy corners, with a pinhole and with a fisheye."""
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ PLACE = np.array([0.02, -0.01, 0.11])
 def test_exact_corners_give_the_exact_pose(name: str) -> None:
     pose = board_pose.fit(CAMERAS[name], POINTS, _seen(CAMERAS[name]))
     assert pose is not None
-    # two steps of Gauss-Newton from SQPNP's start, which a fisheye's edge makes worse
+    # two Gauss-Newton steps from the pose of SQPNP, which is worse at the edge of a fisheye
     assert pose.rotation == pytest.approx(TURN, abs=1e-6)
     assert pose.translation == pytest.approx(PLACE, abs=1e-7)
     assert np.abs(pose.misfit).max() < 1e-4

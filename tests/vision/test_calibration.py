@@ -1,4 +1,4 @@
-"""Calibration finds the cameras that took the pictures, and its file keeps them."""
+"""Calibration finds the cameras of the pictures, and files preserve them."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The pinhole's closed forms."""
+"""Closed forms of the pinhole camera."""
 
 from math import atan, hypot, isnan, radians, tan
 
@@ -46,5 +46,5 @@ def test_the_picture_reaches_half_a_pixel_beyond_its_centres(
 def test_the_off_axis_angle_is_that_of_the_ray(right: float, down: float) -> None:
     u, v = CAMERA.centre_px
     angle = camera_model.off_axis_angle(CAMERA, (u + right, v + down))
-    # adding the centre and taking it away again costs 1e-13 px
+    # adding and subtracting the centre costs 1e-13 px
     assert angle == pytest.approx(atan(hypot(right, down) / CAMERA.focal_px), abs=1e-12)

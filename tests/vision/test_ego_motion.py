@@ -43,7 +43,7 @@ def test_a_moving_region_can_be_left_out() -> None:
     ego(_frame(before, 0))
     turned = ego(_frame(after, 1), moving=corners)
     assert isinstance(turned, Rotation)
-    assert turned.vector == pytest.approx(vector, abs=5e-4)  # fewer points, all at the rim
+    assert turned.vector == pytest.approx(vector, abs=5e-4)  # fewer points, all near the edge
 
 
 def test_refusals_have_reasons() -> None:
@@ -68,7 +68,7 @@ def _compare(vector: Vector, noise: np.random.Generator | None = None) -> Rotati
 
 
 def _picture(vector: Vector) -> Image:
-    """What the camera sees of a scene infinitely far away after it turned by a vector."""
+    """Return the picture of an infinitely distant scene after a rotation of the camera."""
     inner = np.array([[200.0, 0, 511.5], [0, 200.0, 511.5], [0, 0, 1]])
     turn = cv2.Rodrigues(np.asarray(vector, np.float64))[0]
     # a ray r of the turned camera is R r in the scene

@@ -1,4 +1,4 @@
-"""The tracker against exact projections: accuracy, every window, and never a false lock."""
+"""The feature tracker against exact projections: accuracy for every window, no false locks."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def clean() -> list[sequences.LabelledPicture]:
 def test_no_window_loses_a_clean_target(half: int, board: str) -> None:
     result = vision_accuracy.follow(sequences.moving("circle", 40, board=board), half)
     assert result.refused == 0
-    # the gate of the issue; a printed target's corners are found to 0.02 px, tissue's to 0.03
+    # acceptance limit; corners of printed targets are found to 0.02 px, of tissue to 0.03
     assert result.rms_px <= 0.05
 
 
@@ -26,7 +26,7 @@ def test_no_window_loses_a_clean_target(half: int, board: str) -> None:
 def test_a_hard_sequence_is_followed(path: str) -> None:
     result = vision_accuracy.follow(sequences.moving(path, 120, hard=True), sequences.HALF_PX)
     assert result.refused == 0
-    assert result.rms_px <= 0.15  # the gate: noise, blur and compression leave 0.06
+    assert result.rms_px <= 0.15  # acceptance limit; noise, blur and compression leave 0.06
 
 
 @pytest.mark.parametrize("kind", sequences.OCCLUSIONS[::5], ids=str)
@@ -66,7 +66,7 @@ def test_a_target_that_leaves_the_picture_is_refused(
 
 
 def test_the_covariance_matches_the_noise(clean: list[sequences.LabelledPicture]) -> None:
-    """The same picture with fresh noise: the places scatter as the covariance says, to a factor."""
+    """The same picture with new noise: positions scatter as the covariance, within a factor."""
     random = np.random.default_rng(5)
     tracker = _tracker(clean[0])
     places, told = [], []
@@ -78,7 +78,7 @@ def test_the_covariance_matches_the_noise(clean: list[sequences.LabelledPicture]
         places.append(track.pixel)
         told.append(track.covariance[0])
     ratio = np.var(places, axis=0).mean() / np.mean(told)
-    # points share windows: how many of them are independent is a guess
+    # points share windows: the number of independent ones is a guess
     assert 0.1 < ratio < 3
 
 
@@ -105,7 +105,7 @@ def test_normalised_contrast_is_independent_of_gain_and_offset(
     dim = (0.5 * grey + 20).astype(np.uint8)
     a, b = (normalised(g).astype(float) for g in (grey, dim))
     textured = np.abs(a - 128) > 30
-    # the floor of 6 grey levels takes some contrast where there is little, and levels are rounded
+    # the floor of 6 grey levels reduces low contrast, and levels are rounded
     assert np.corrcoef(a[textured], b[textured])[0, 1] > 0.99
 
 

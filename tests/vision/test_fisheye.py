@@ -44,7 +44,7 @@ def test_pixels_and_rays_are_inverse(name: str) -> None:
     grid = np.stack(np.meshgrid(np.linspace(60, 580, 14), np.linspace(40, 440, 11)), -1)
     pixels = grid.reshape(-1, 2)
     back = camera_model.project_points(camera, camera_model.rays(camera, pixels))
-    # closed forms to rounding; OpenCV undoes distortion in steps, to a few thousandths of a pixel
+    # closed forms to rounding; OpenCV undistorts iteratively, to a few thousandths of a pixel
     assert back == pytest.approx(pixels, abs=0.05 if camera.distortion else 1e-9)
 
 

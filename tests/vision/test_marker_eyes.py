@@ -1,4 +1,4 @@
-"""Markers against the truth of the rendering, and what is said when they are missing."""
+"""Markers against the truth of the rendering, and refusals without them."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from endolock.vision.truth_eyes import TruthEyes
 
 @pytest.fixture(scope="module")
 def lock() -> Run:
-    """Six seconds of the straight path: the board at all places of a stroke."""
+    """Six seconds of the straight path: the board at all positions of a stroke."""
     with TwinRig("straight") as rig:
         eyes = MarkerEyes(rig.camera.calibration, rig.board)
         return run(rig, eyes, PI(rig.camera.calibration), duration_s=6.0)
@@ -75,7 +75,7 @@ def test_too_few_markers_are_refused_with_a_reason() -> None:
     frame, eyes = _head_on()
     assert frame.image is not None
     one = frame.image.copy()
-    one[:, 270:] = 200  # only the upper left corner of the board stays
+    one[:, 270:] = 200  # only the upper left corner of the board remains
     one[300 - 120 :, :] = 200
     observation = eyes(_with(frame, one))
     assert observation.status is Status.SEARCHING
@@ -126,7 +126,7 @@ def test_a_few_false_markers_among_many_are_left_out(
     fit = eyes.fit(own)
     assert not isinstance(fit, str)
     truth = camera_model.project(camera, np.array([0.01, -0.02, 0.14]))
-    assert fit.pixel == pytest.approx(truth, abs=1e-3)  # what is left has no noise
+    assert fit.pixel == pytest.approx(truth, abs=1e-3)  # the remaining corners have no noise
 
 
 def test_a_frame_of_another_size_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Why a frame cannot show anything."""
+"""Reasons to refuse a frame."""
 
 from dataclasses import replace
 

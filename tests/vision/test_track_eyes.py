@@ -1,4 +1,4 @@
-"""Eyes without markers: what they start from, what they say, and who judges them."""
+"""Eyes without markers: start, observations, and markers as ground truth."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def test_a_run_is_locked_without_markers_and_measured_with_them() -> None:
         result = run(rig, TrackEyes(camera, rig.board), PI(camera), duration_s=5.0)
     assert all(s.observation.status is Status.TRACKING for s in result.seen)
     scores = score(result, camera, 0.0).as_dict()
-    assert scores["vision_error_px"]["max"] < 0.5  # the window is seen at a slant of 30 deg
+    assert scores["vision_error_px"]["max"] < 0.5  # the window is seen at an angle of 30 deg
     without_truth = replace_truth(result)
     judged = score(without_truth, camera, 0.0).as_dict()["vision_error_px"]
     # markers and tracker are each within 0.3 px of the truth
@@ -32,7 +32,7 @@ def test_a_run_is_locked_without_markers_and_measured_with_them() -> None:
 
 
 def replace_truth(result: Run) -> Run:
-    """What a bench would have kept of a run."""
+    """Return the record that a bench would have of a run."""
     result.seen = [replace(s, truth=None) for s in result.seen]
     result.ticks = [replace(t, truth=None) for t in result.ticks]
     return result

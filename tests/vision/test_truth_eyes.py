@@ -1,4 +1,4 @@
-"""Vision without pictures: what it hides, its noise, and that it stands for pictures."""
+"""Vision without pictures: hidden targets, noise, and agreement with pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from endolock.vision.truth_eyes import TruthEyes
 
 
 def look(name: str, seconds: float, **changes: float) -> list[Observation]:
-    """What exact eyes say of a target while nothing is steered."""
+    """Return what exact eyes observe while the handles rest."""
     loaded = scenario.load(name, changes)
     rig, eyes = rigs.make("twin", loaded, vision="truth", instrument=Instrument(), seed=0)
     seen, newest = [], -1
@@ -61,7 +61,7 @@ def test_hidden_means_that_the_picture_shows_the_plate_there() -> None:
 def test_noise_has_the_given_deviation() -> None:
     seen = look("rest", 20.0, **{"camera.truth_noise_px": 3.0, "camera.latency_s": 0.0})
     pixels = np.array([one.target_px for one in seen])
-    assert pixels.std(axis=0) == pytest.approx([3.0, 3.0], rel=0.1)  # 500 each; one sigma is 3 %
+    assert pixels.std(axis=0) == pytest.approx([3.0, 3.0], rel=0.1)  # 500; one sigma is 3 %
     assert {one.covariance for one in seen} == {(9.0, 0.0, 9.0)}
 
 
@@ -81,5 +81,5 @@ def test_pictures_and_truth_give_the_same_scores(name: str, law: str) -> None:
             camera = rig.camera.calibration
             run = loop.run(rig, eyes, registry.make(law, camera), duration_s=12.0)
             rms.append(metrics.score(run, camera, 2.0).as_dict()["error_px"]["rms"])
-    # Markers are 0.1 px off; what the loop makes of that is of the same order.
+    # Markers are 0.1 px off; the effect on the loop is of the same order.
     assert rms[0] == pytest.approx(rms[1], abs=0.5)

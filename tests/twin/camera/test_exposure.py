@@ -1,4 +1,4 @@
-"""When a camera is exposed, and what comes out of a rig whose camera has everything on."""
+"""Times of exposure, and the frames of a rig whose camera has all effects on."""
 
 import hashlib
 from itertools import islice
@@ -75,7 +75,7 @@ def test_a_blurred_target_is_at_its_position_in_mid_exposure() -> None:
             assert frame.seq == n
             seen = np.array(eyes(frame).target_px)
             off.append(seen - rig.truth.at_exposure(n).target_px)
-    # 40 mm/s are 2.6 px an exposure; being early or late by half of it would show as 1.3 px
+    # 40 mm/s are 2.6 px an exposure; an error of half an exposure would show as 1.3 px
     assert np.abs(np.mean(off, axis=0)).max() < 0.1
 
 

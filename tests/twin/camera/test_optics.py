@@ -1,4 +1,4 @@
-"""Each part of the optics in its closed form, and the fisheye against the exact projection."""
+"""Each part of the optics against its closed form, the fisheye against exact projection."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ def test_a_fisheye_shows_the_target_at_its_projection(diagonal_deg: float, mask:
             _, fit = eyes.look(still.frame)
             assert not isinstance(fit, str)
             off.append(np.hypot(*np.subtract(fit.pixel, still.target_px)))
-    assert np.sqrt(np.mean(np.square(off))) <= 0.1  # the gate of the issue; 0.02-0.05 measured
+    assert np.sqrt(np.mean(np.square(off))) <= 0.1  # acceptance limit; 0.02-0.05 measured
 
 
 def test_the_rendered_picture_just_covers_the_fisheye() -> None:
@@ -55,7 +55,7 @@ def test_the_rendered_picture_just_covers_the_fisheye() -> None:
     pinhole = camera_model.from_fovy(*shot)
     seen = camera_model.project_points(pinhole, rays)
     assert all(camera_model.in_picture(pinhole, (u, v)) for u, v in seen)
-    assert seen[:, 0].max() > shot.width - 8  # not wider than needed by more than a few pixels
+    assert seen[:, 0].max() > shot.width - 8  # wider than needed by a few pixels at most
 
 
 def test_a_mask_is_black_outside_and_changes_nothing_inside() -> None:
@@ -72,7 +72,7 @@ def test_vignette_and_gain_in_closed_form() -> None:
     radius = np.hypot(u - 319.5, v - 239.5) / np.hypot(319.5, 239.5)
     # the share is kept in 255 steps and the product rounded
     assert np.abs(image[..., 0] - 150 * (1 - 0.5 * radius**4)).max() <= 1.0
-    assert (_developed(gain=3.0) == 255).all()  # above white is cut
+    assert (_developed(gain=3.0) == 255).all()  # clipped at white
 
 
 def test_noise_has_its_deviation_and_depends_on_its_seed() -> None:
@@ -112,7 +112,7 @@ def test_light_of_the_tip_falls_with_the_square_of_the_distance() -> None:
             window = still.frame.image[int(v) - 2 : int(v) + 3, int(u) - 2 : int(u) + 3]
             return float(window.mean())
 
-    # between the markers is paper; the lamp stands 3 mm beside the camera, and light is worked out
+    # between the markers is paper; the light is 3 mm beside the camera, and it is computed
     # at the corners of cells of 2 mm
     assert brightness(0.06) / brightness(0.12) == pytest.approx(4.0, rel=0.1)
 

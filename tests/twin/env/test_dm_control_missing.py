@@ -1,4 +1,4 @@
-"""The environments say in one line what to do where what they need is not installed."""
+"""Without their packages, the environments say in one line what to install."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""The Gymnasium environments: the checker is content, and they are the dm-control ones."""
+"""The Gymnasium environments pass the checker and equal those of dm-control."""
 
 import multiprocessing
 from typing import Any
@@ -20,7 +20,7 @@ SMALL = scenario.load(
 
 @pytest.fixture(scope="module")
 def gymnasium() -> Any:
-    """Gymnasium, with the environments registered; imported late, as it may be missing."""
+    """Gymnasium with the environments registered; imported late, because it may be missing."""
     import gymnasium
 
     import endolock.twin.env.gym_env  # noqa: F401
@@ -49,7 +49,7 @@ def test_it_equals_the_dm_control_environment(gymnasium: Any) -> None:
                 assert observed[name] == pytest.approx(value, abs=1e-6)  # float32
             observed, reward, terminated, truncated, _ = made.step(action)
             expected = ours.step(action.astype(float) * np.pi)
-            assert reward == pytest.approx(expected.reward, abs=1e-9)  # the action's last bits
+            assert reward == pytest.approx(expected.reward, abs=1e-9)  # rounding of the action
             assert not terminated
         assert truncated == expected.last() is True
     with pytest.raises(gymnasium.error.ResetNeeded):

@@ -1,4 +1,4 @@
-"""The dm-control environment: its contract, late vision without a leak, reproducible episodes."""
+"""The dm-control environment: contract, late vision without leaks, reproducible episodes."""
 
 import unittest
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,7 +29,7 @@ def _load(name: str, **camera: float) -> scenario.Scenario:
 
 
 class Contract(test_utils.EnvironmentTestMixin, unittest.TestCase):  # type: ignore[misc]  # untyped
-    """What every dm_env environment must do."""
+    """Contract of every dm_env environment."""
 
     __test__ = False
     pixels = False
@@ -40,7 +40,7 @@ class Contract(test_utils.EnvironmentTestMixin, unittest.TestCase):  # type: ign
         return target_lock.make(short, pixels=self.pixels)
 
     def make_action_sequence(self) -> Iterator[Vector]:
-        """Act at random for two episodes of ten steps, and more."""
+        """Act at random for more than two episodes of ten steps."""
         spec = self.environment.action_spec()
         random = np.random.default_rng(0)
         for _ in range(25):
@@ -114,7 +114,7 @@ def test_one_seed_and_the_same_actions_give_the_same_episodes(pixels: bool) -> N
 
 
 def test_the_present_is_not_observed() -> None:
-    # Until the first frame arrives, two targets in different places must look the same.
+    # Until the first frame arrives, two targets at different positions must look the same.
     steps = {}
     for name in ("rest", "circle"):
         with target_lock.make(_load(name, latency_s=1.0)) as made:
@@ -145,7 +145,7 @@ def test_the_picture_is_late_by_its_age() -> None:
         assert then.t == pytest.approx(exposed)
         assert seen.target_px == pytest.approx(then.target_px, abs=0.5)  # marker noise and tilt
         now = rig.truth.now().target_px
-        assert np.hypot(*np.subtract(now, then.target_px)) > 5  # it moved on since
+        assert np.hypot(*np.subtract(now, then.target_px)) > 5  # it has moved on since
 
 
 def test_the_error_is_above_and_right_for_both_kinds_of_eyes() -> None:
@@ -203,7 +203,7 @@ def test_turning_by_the_error_brings_the_target_nearer() -> None:
     with target_lock.make(_load("circle", latency_s=0.0)) as made:
         first = made.reset().observation["target_error"]
         for _ in range(100):
-            step = made.step(first)  # about the handle angle that bends the section so far
+            step = made.step(first)  # about the handle angle that bends the section by it
         assert np.abs(step.observation["target_error"][1]) < np.abs(first[1]) / 2
 
 
@@ -231,7 +231,7 @@ def test_wild_actions_stay_within_the_specifications() -> None:
         random = np.random.default_rng(2)
         corners = np.array([actions.minimum, actions.maximum])
         for n in range(400):
-            if n % 40 == 0:  # from one end to the other and on the way, without a following error
+            if n % 40 == 0:  # between the ends, held long enough to avoid a following error
                 action = corners[random.integers(2, size=2), [0, 1]]
             step = made.step(actions.validate(action))
             for name, spec in observed.items():
@@ -243,7 +243,7 @@ def test_an_episode_ends_with_its_scenario() -> None:
     with target_lock.make(scenario.load("rest", {"duration_s": 0.3})) as made:
         steps = _episode(made, np.zeros((15, 2)))
         assert [s.last() for s in steps] == [False] * 15 + [True]
-        assert steps[-1].discount == 1.0  # time ran out, nothing else
+        assert steps[-1].discount == 1.0  # the end of time is no failure
         assert made.step((0.0, 0.0)).first()
 
 

@@ -1,4 +1,4 @@
-"""The printed boards, and stills of them: everything is where the geometry says."""
+"""The printed boards, and stills of them: everything is at its position in the geometry."""
 
 from itertools import combinations
 
@@ -22,9 +22,9 @@ def test_every_marker_is_found_in_the_print(kind: str) -> None:
     for side_m, texels in ((boards.SIZE_M, drawing.TEXELS_PER_MM), (0.044, 24)):
         picture = drawing.picture(printed, side_m, texels)
         for corners, i in MarkerDetector(geometry)(smoothed(grey_of(picture))):
-            wanted = (geometry.corners()[i][:, :2] + side_m / 2) * 1e3 * texels - 0.5
+            expected = (geometry.corners()[i][:, :2] + side_m / 2) * 1e3 * texels - 0.5
             # edges lie between texels; corners of sharp squares are found to half a texel
-            assert corners == pytest.approx(wanted, abs=0.75)
+            assert corners == pytest.approx(expected, abs=0.75)
             found[i] = corners
     assert found.keys() == {i for i, *_ in geometry.markers}
 
@@ -65,7 +65,7 @@ def test_stills_show_the_board_where_it_is(kind: str, place: Place) -> None:
         still = studio.take(place)
         _, fit = MarkerEyes(studio.calibration, studio.board).look(still.frame)
     assert not isinstance(fit, str)
-    assert fit.pixel == pytest.approx(still.target_px, abs=0.3)  # single pictures, to 0.05-0.15 px
+    assert fit.pixel == pytest.approx(still.target_px, abs=0.3)  # each to 0.05-0.15 px
     assert fit.distance_m == pytest.approx(still.distance_m, rel=0.003)
 
 

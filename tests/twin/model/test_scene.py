@@ -1,4 +1,4 @@
-"""Axes and signs, seen in rendered pictures of both cameras."""
+"""Axes and signs in rendered pictures of both cameras."""
 
 from math import cos, pi, radians, sin
 
@@ -16,11 +16,11 @@ from endolock.vision import camera_model
 from endolock.vision.detector import MarkerDetector
 
 LARGE = {0, 1, 2, 3}
-"""The markers in the corners of the board; it is too far for the small ones here."""
+"""Markers in the corners of the board; the small ones are too far away here."""
 
 
 def _corners(image: Image, rig: TwinRig) -> dict[int, Vector]:
-    """Marker corners found in a picture, by id."""
+    """Return the marker corners found in a picture, by id."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     return {i: corners for corners, i in MarkerDetector(rig.board)(np.asarray(grey, np.uint8))}
 
@@ -66,7 +66,7 @@ def test_the_board_is_upright_and_in_the_middle() -> None:
 def test_positive_handles_turn_the_view_up_and_right(
     handles: tuple[float, float], shift: tuple[int, int]
 ) -> None:
-    """Up makes a still target sink in the picture, right makes it go left."""
+    """Turning up moves a still target down in the picture, turning right moves it left."""
     rig = _steered(*handles)
     corners = _corners(_picture(rig)[0], rig)
     moved = np.mean([corners[i].mean(axis=0) for i in LARGE], axis=0) - (319.5, 239.5)
@@ -102,10 +102,10 @@ def test_base_frame_is_the_camera_at_rest() -> None:
 
 @pytest.mark.parametrize("name", sorted({*scenario.names()} - {"close", "occlusion"}))
 def test_the_fixed_camera_sees_the_large_markers_throughout(name: str) -> None:
-    """Not with the tip against the board, nor with something between the two."""
+    """In all scenarios but those with the tip at the board, or with something in between."""
     rig = TwinRig(name, pictures=False)
     for t in np.linspace(0.0, rig.scenario.duration_s, 9):
-        # The board's place follows from the step count alone; the section may stay at rest.
+        # The position of the board follows from the step count alone; the section may stay at rest.
         rig.plant.step_count = round(t / rig.plant.timestep_s)
         corners = _corners(_picture(rig, "overview")[0], rig)
         assert corners.keys() >= LARGE, f"at {t:.1f} s"
@@ -136,7 +136,7 @@ def test_an_unknown_camera_name_is_refused() -> None:
 
 
 def test_the_committed_scene_runs_without_the_twin_and_without_warnings() -> None:
-    """As `python -m mujoco.viewer` runs it: one second of Halton-like control, no twin around."""
+    """As in `python -m mujoco.viewer`: one second of random control without the twin."""
     model = mujoco.MjModel.from_xml_path(str(generate.folder() / "scene.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

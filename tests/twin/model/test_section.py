@@ -14,7 +14,7 @@ from endolock.twin.world.instrument import WIRES, Instrument, Numerics
 
 SIDE = {"up": ("up_down", -1), "right": ("left_right", -1), "down": ("up_down", 1)}
 SIDE["left"] = ("left_right", 1)
-"""The axis in whose plane a wire runs, and the sign with which its bend lengthens the wire."""
+"""The axis in whose plane a wire lies, and the sign with which its bend lengthens the wire."""
 
 
 @pytest.mark.parametrize("hinges", [2, 10, 12, 16])
@@ -43,7 +43,7 @@ def test_a_wire_cannot_push() -> None:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     for wire in WIRES:
-        data.joint(f"slide_{wire}_1").qpos = -0.01  # slacker than the pretension reaches
+        data.joint(f"slide_{wire}_1").qpos = -0.01  # slack, in spite of the pretension
     data.joint("handle_up_down").qpos = 0.0
     mujoco.mj_forward(model, data)
     distal = [model.tendon(f"wire_{wire}").id for wire in WIRES]

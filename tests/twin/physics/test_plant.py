@@ -1,4 +1,4 @@
-"""What shaft, weight and pushes do to the tip, and what turning the camera in it does not."""
+"""Effects of shaft, weight, pushes and camera misalignment on tip and picture."""
 
 from math import cos, pi, radians, sin
 
@@ -69,7 +69,7 @@ def test_a_misaligned_camera_rotates_only_the_picture() -> None:
 
 
 def test_weight_bends_the_section_down_at_any_roll() -> None:
-    """A straight section hangs; after a quarter turn of the shaft it hangs towards its side."""
+    """A straight section hangs down; after a quarter turn of the shaft, towards its side."""
     hanging = Scenario(name="hanging", gravity=True)
     plant = TwinPlant(hanging, Instrument(), Numerics(), 0)
     plant.advance(1000)
@@ -88,12 +88,12 @@ def test_a_push_moves_the_tip_and_friction_keeps_part_of_it() -> None:
     after = _state(plant)
     assert during.tip.position[0] > 0.001  # to the right
     assert during.bend_rad[1] > radians(1.0)
-    assert 0.0 < after.bend_rad[1] < during.bend_rad[1]  # springs back into its hysteresis
+    assert 0.0 < after.bend_rad[1] < during.bend_rad[1]  # springs back within its hysteresis
     assert abs(after.bend_rad[0]) < 1e-6
 
 
 def test_a_bend_of_the_shaft_alone_does_not_move_the_tip() -> None:
-    """Four wires pull alike, however much."""
+    """All four wires have the same tension, whatever its size."""
     bend = Shaft(kind="bend", start_s=0.0, over_s=1.0, by_deg=-180.0)
     plant = TwinPlant(Scenario(name="bend", shaft=(bend,)), Instrument(), Numerics(), 0)
     tight = sum(plant.snapshot().tensions[1])

@@ -1,6 +1,6 @@
-"""The friction nodes in the model: what they start from, and what shaft and sheath do to them.
+"""Friction nodes in the model: initial state, and effects of shaft and sheath.
 
-Agreement with closed forms is the business of scripts/studies/verification.py and its test.
+Agreement with closed forms is tested through scripts/studies/verification.py.
 """
 
 from dataclasses import replace
@@ -63,7 +63,7 @@ def test_a_minute_of_random_drive_raises_no_warning(
 
 
 def test_the_nodes_friction_rows_are_stiffened() -> None:
-    """Without it a node under load creeps by degrees a minute."""
+    """Without it, a node under load creeps by degrees per minute."""
     built = scene.build().compile()
     rows = [int(built.joint(f"slide_{wire}_1").dofadr[0]) for wire in WIRES]
     kept = TwinRig("rest", pictures=False).plant.model
@@ -94,7 +94,7 @@ def test_bending_the_shaft_removes_the_slack_and_then_adds_tension(fraction: flo
 
 
 def test_a_shaft_bent_during_a_run_ends_as_one_bent_from_the_start() -> None:
-    """Bent while the handles stand at zero, it changes stiffness and tension and nothing else."""
+    """Bending it with the handles at zero changes only stiffness and tension."""
     bent = scenario.load("rest", {"shaft_bend_deg": 0.0})
     change = {"kind": "bend", "start_s": 0.5, "over_s": 1.0, "by_deg": 180.0}
     bent = scenario.Scenario.model_validate({**bent.model_dump(), "shaft": [change]})
@@ -102,7 +102,7 @@ def test_a_shaft_bent_during_a_run_ends_as_one_bent_from_the_start() -> None:
     turn(late, [(0.0, 0.0), (2.0, 0.0)])
     always = still(shaft_deg=180.0)
     strokes = [turn(p, [(0.0, 0.0), (5.0, 1.0), (10.0, -1.0)]) for p in (late, always)]
-    # how the nodes came to rest differs while a changes, and is forgotten after one stroke
+    # the nodes come to rest differently while a changes, which one stroke erases
     assert degrees(abs(strokes[0].bend[-1] - strokes[1].bend[-1])) < 0.1
     assert Course(bent, 0).shaft_bend_rad(2.0) == pytest.approx(radians(180.0))
 
@@ -121,13 +121,13 @@ def test_a_pushed_tip_stays_displaced_within_the_friction_of_its_sheath() -> Non
             plant.advance(plant.step_count + 5)
         ends[name] = plant.explain(plant.snapshot())[0].bend_rad[0]
     assert abs(ends["smooth"]) < 1e-4
-    # let go slowly, it comes back until K theta is what the sheath holds
+    # released slowly, it returns until the sheath holds K theta
     held = rubbing.sheath_friction_nm / rubbing.bending_stiffness
     assert ends["rubbing"] == pytest.approx(held, rel=0.02)
 
 
 def test_the_width_grows_in_both_regions() -> None:
-    """Slack: at a bend, where one wire carries. Pretension: also in the middle, where it was zero.
+    """Slack: at a bend, where one wire is loaded. Pretension: also at zero bend, where it was zero.
 
     In between, at 40 to 60 deg of shaft, the second wire begins to carry at that bend too: the
     pair is stiffer, loses less motion, and the width there dips once.

@@ -1,4 +1,4 @@
-"""Instrument files: what they give, what is said of bad ones, that writing one loses nothing."""
+"""Instrument files: their values, the errors of wrong ones, and writing without loss."""
 
 import tomllib
 from dataclasses import asdict, fields

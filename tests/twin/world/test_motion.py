@@ -1,4 +1,4 @@
-"""Motions of the board: laws, smoothness, and the statistics of the random one."""
+"""Motions of the board: closed forms, smoothness, and statistics of the random one."""
 
 from math import pi, radians, sqrt, tan
 from typing import get_args
@@ -65,9 +65,9 @@ def test_the_triangle_has_one_speed_and_one_acceleration() -> None:
     times = step * (np.arange(speeds.size) + 0.5)
     speed = 2 * 0.13 / (PERIOD_S - 0.3)
     to_turn = np.abs((times + PERIOD_S / 4) % (PERIOD_S / 2) - PERIOD_S / 4)
-    straight = to_turn > 0.15 + step  # half a turn
+    straight = to_turn > 0.15 + step  # half a reversal
     assert np.abs(speeds[straight]) == pytest.approx(speed)
-    # At the ends of a turn the mean over a step hides up to one step's change of speed.
+    # At the ends of a reversal the mean over a step hides up to one step's change of speed.
     assert np.abs(np.diff(speeds)).max() <= 2 * speed / 0.3 * step * (1 + 1e-6)
     turns = to_turn < 0.15 - step
     assert np.abs(speeds[turns]) == pytest.approx(speed * to_turn[turns] / 0.15)
@@ -116,7 +116,7 @@ def test_random_motion_has_the_given_rms_speed() -> None:
     places = _sampled(200_000, 0.01)
     speed = np.diff(places, axis=0) / 0.01
     # 2000 s hold some 2500 independent values of the speed (correlation time 0.4 s), so its rms has
-    # a standard deviation of 1.4 %; the place is slower and has 2.5 %. Four of them:
+    # a standard deviation of 1.4 %; the position is slower and has 2.5 %. Four standard deviations:
     assert np.sqrt(np.mean(speed**2, axis=0)) == pytest.approx([0.03, 0.03], rel=0.06)
     assert np.sqrt(np.mean(places**2, axis=0)) == pytest.approx([RMS_PLACE_M] * 2, rel=0.10)
     together = np.mean(places[:, 0] * places[:, 1]) / RMS_PLACE_M**2

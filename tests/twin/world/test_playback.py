@@ -1,4 +1,4 @@
-"""The course of a run: what is where at a time."""
+"""The course of a run: positions and forces at any time."""
 
 from math import pi, radians, sin
 from typing import Any
@@ -65,7 +65,7 @@ def test_changes_of_the_shaft_add_up_and_are_permanent() -> None:
 def test_a_push_is_half_a_sine(t: float) -> None:
     course = _course(push=[PUSH])
     force = 0.4 * sin(pi * (t - 10.0)) if 10.0 < t < 11.0 else 0.0
-    # a force up is one to the negative y; the sine of large arguments is rounded
+    # a force upwards has a negative y; the sine of large arguments is rounded
     assert course.tip_force(t) == pytest.approx((0.0, -force, 0.0), abs=1e-12)
     assert course.pushes
 
@@ -100,7 +100,7 @@ def test_several_random_motions_differ_and_the_first_is_unchanged() -> None:
     two = np.array(_course(motion=[RANDOM, RANDOM]).board(3.0))
     still = {**RANDOM, "speed_rms_m_s": 0.0}
     assert _course(motion=[RANDOM, still]).board(3.0) == pytest.approx(one)
-    assert np.abs(two - 2 * one).min() > 1e-4  # the second one goes elsewhere
+    assert np.abs(two - 2 * one).min() > 1e-4  # the second one is different
 
 
 @pytest.mark.parametrize("name", scenario.names())
@@ -133,7 +133,7 @@ def test_occluders_are_bodies_that_hide_and_touch_nothing() -> None:
 
 
 def test_an_occluder_is_seen_at_its_position() -> None:
-    """A plate of 40 x 20 mm, 60 mm ahead, fills f w / d by f h / d pixels of the picture."""
+    """A plate of 40 x 20 mm, 60 mm ahead, covers f w / d by f h / d pixels of the picture."""
     model = scene.build(occluders=[scene.Plate((0.04, 0.02), "plain")]).compile()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

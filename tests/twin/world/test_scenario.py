@@ -1,4 +1,4 @@
-"""Scenario files: what they mean, and what is said of wrong ones."""
+"""Scenario files: their meaning, and the errors of wrong ones."""
 
 import re
 from pathlib import Path
