@@ -1,4 +1,4 @@
-"""What a bench is made of, as a TOML file: handles, line, camera and board.
+"""A bench as a TOML file: handles, line, camera and board.
 
 baud = 1000000
 board = "rings"
@@ -30,22 +30,22 @@ from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.files import Section
 
 DEFAULT_FILE = Path("bench.toml")
-"""The file that is read where none is given, if it is there."""
+"""The bench file used where none is given, if it exists."""
 
 
 class BenchCamera(Section):
-    """The camera at the tip, and what is known of its video chain."""
+    """The camera at the tip and its video chain."""
 
     source: int | str = 0
     """Number or path of a video device, address of a stream, or a video file."""
     calibration: Path | None = None
-    """From `endolock calibrate`; a path is counted from the bench file's folder. None: a pinhole of
+    """From `endolock calibrate`; relative to the folder of the bench file. None: a pinhole of
     640x480 px with f = 262 px, assumed."""
     latency_s: float = Field(default=0.4, ge=0)
-    """Exposure to delivery [s], from `endolock latency`. Source of the default: loop latency of the
-    thesis, ch. 7; all of it in the video chain: assumed."""
+    """Exposure to delivery [s], from `endolock latency`. Source of the default: the loop latency in
+    thesis ch. 7; all of it in the video chain: assumed."""
     frame_rate_hz: float | None = Field(default=None, gt=0)
-    """Asked of the device [Hz]; None: its own choice."""
+    """Requested from the device [Hz]; None: its default."""
 
     def geometry(self) -> Calibration:
         """Return the camera's geometry.
@@ -66,12 +66,12 @@ class Handles(Section):
 
 
 class Bench(Section):
-    """A whole bench; the defaults fit two motors that were set up by `endolock doctor`."""
+    """A bench; the defaults fit two motors set up by `endolock doctor`."""
 
     baud: int = BAUD
-    """Of the bus [1/s]; 57600 or more: at 9600 one cycle takes longer than a silence may last."""
+    """Baud rate of the bus [1/s], at least 57600: at 9600 a cycle takes longer than `max_age_s`."""
     board: str = "rings"
-    """Which printed board the camera looks at."""
+    """The printed board in front of the camera."""
     handle: Handles = Handles()
     camera: BenchCamera = BenchCamera()
 
@@ -106,7 +106,7 @@ class Bench(Section):
 
     @property
     def handles(self) -> dict[str, Handle]:
-        """Each axis' handle."""
+        """The handle of each axis."""
         return {axis: getattr(self.handle, axis) for axis in AXES}
 
 
@@ -117,7 +117,7 @@ def load(path: Path | None = None) -> Bench:
         path: the file; None: bench.toml in this folder, or the defaults where there is none.
 
     Raises:
-        ConfigError: it cannot be read, or says what cannot be.
+        ConfigError: it cannot be read, or has unusable values.
     """
     if path is None:
         if not DEFAULT_FILE.exists():
@@ -146,10 +146,10 @@ def save(bench: Bench, path: Path) -> None:
     files.write_whole(path, text, "give another folder")
 
 
-def _keys(place: tuple[str, ...]) -> list[str]:
-    """List the keys that may stand at a place."""
+def _keys(section: tuple[str, ...]) -> list[str]:
+    """List the keys allowed in a section."""
     model: type[BaseModel] = Bench
-    for part in place:
+    for part in section:
         kind = model.model_fields[part].annotation if part in model.model_fields else None
         model = kind if isinstance(kind, type) and issubclass(kind, BaseModel) else model
     return list(model.model_fields)

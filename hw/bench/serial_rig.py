@@ -20,14 +20,14 @@ from endolock.hw.lifecycle import ClosingRig, close_all
 
 
 class SerialRig(ClosingRig):
-    """A bench; it takes the place of a `TwinRig`, and knows no truth.
+    """A bench; used like a `TwinRig`, but without ground truth.
 
     Laboratory software, not a medical device; see docs/safety.md.
 
     Args:
-        port: serial port, best one of those in /dev/serial/by-id, which find the adapter again.
-        bench: what the bench is made of, or its file; bench.toml of this folder if None.
-        latency_s: of the video chain, in place of the bench's [s].
+        port: serial port; prefer one in /dev/serial/by-id, which stays the same across USB ports.
+        bench: its description, or a bench file; bench.toml in this folder if None.
+        latency_s: latency of the video chain [s]; that of the bench if None.
 
     Raises:
         ConfigError: the bench file or the camera cannot be used.
@@ -70,5 +70,5 @@ class SerialRig(ClosingRig):
         }
 
     def close(self) -> None:
-        """Switch the handles off, let go of port and camera; may be called twice."""
+        """Switch the handles off, close port and camera; may be called twice."""
         close_all(self.actuators.close, self.line.close, self.camera.close)

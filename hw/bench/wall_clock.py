@@ -1,4 +1,4 @@
-"""Time of a bench: that of the wall, counted from when the rig was made."""
+"""Wall-clock time since a rig was created."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import time
 
 
 class WallClock:
-    """A clock that nobody can stop.
+    """The clock of a bench.
 
     Args:
-        origin: reading of `time.monotonic()` that counts as zero [s]; now if None. Processes on one
+        origin: reading of `time.monotonic()` at time zero [s]; now if None. Processes on one
             machine that share it agree on the time.
     """
 
@@ -24,7 +24,7 @@ class WallClock:
         return time.monotonic() - self.origin
 
     def sleep_until(self, t: float) -> float:
-        """Return at `t` [s], or at once if it has passed; a little late, never early."""
+        """Return at `t` [s], or at once if it has passed; slightly late, never early."""
         while (left := t - self.now()) > 0:
             time.sleep(left)
         return self.now()

@@ -1,7 +1,7 @@
 """The calibration of a camera as a TOML file.
 
-One form for all cameras: the fields of `hw.api.Calibration`, at the top of a file or below
-[calibration] as in a run folder's run.toml.
+The fields of `hw.api.Calibration`, at the top of a file or below [calibration], as in the run.toml
+of a run folder.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ def read(path: Path) -> Calibration:
     """Read a calibration.
 
     Raises:
-        ConfigError: there is none, or it is not one.
+        ConfigError: the file cannot be read, or is not a calibration.
     """
-    told = files.read_toml(path, "calibration", AGAIN)
-    values = told.get("calibration", told)
+    data = files.read_toml(path, "calibration", AGAIN)
+    values = data.get("calibration", data)
     known = {field.name for field in fields(Calibration)}
     if unknown := set(values) - known:
         raise ConfigError(
@@ -37,8 +37,8 @@ def read(path: Path) -> Calibration:
         found = TypeAdapter(Calibration).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"calibration {path}: {place}: {first['msg']}", AGAIN) from None
+        key = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"calibration {path}: {key}: {first['msg']}", AGAIN) from None
     good = min(found.width, found.height, found.focal_px, found.aspect) > 0
     if not good or not np.isfinite([found.focal_px, *found.centre_px, *found.distortion]).all():
         raise ConfigError(f"calibration {path}: sizes and focal length must be above 0", AGAIN)

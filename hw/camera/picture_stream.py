@@ -1,7 +1,7 @@
-"""Pictures as a stream that any program on this machine can open: Motion JPEG over HTTP.
+"""Pictures as a stream for any program on this machine: Motion JPEG over HTTP.
 
-What an emulated bench has in place of a camera: `hw.video.VideoCamera` opens its address like that
-of a network camera.
+The camera of an emulated bench: `video_camera.VideoCamera` opens its address like that of a network
+camera.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from endolock.hw.api import ConfigError, Image
 
 HOST = "127.0.0.1"
 QUALITY = 90
-"""Of the JPEGs, of 100. Assumed: corners of markers move by less than 0.02 px."""
+"""JPEG quality, 0 to 100. Assumed: corners of markers move by less than 0.02 px."""
 _BOUNDARY = "picture"
 
 
 class PictureStream:
-    """Serves the newest picture to whoever asks, each as soon as it comes.
+    """Serves each new picture to all clients.
 
     Args:
         port: TCP port on this machine; 0 for any free one.
 
     Raises:
-        ConfigError: it is taken.
+        ConfigError: the port is in use.
     """
 
     def __init__(self, port: int) -> None:
@@ -45,16 +45,16 @@ class PictureStream:
             self._server = ThreadingHTTPServer((HOST, port), Handler)
         except (OSError, OverflowError) as error:
             raise ConfigError(
-                f"cannot serve pictures on port {port}: {error}", "use another"
+                f"cannot serve pictures on port {port}: {error}", "use another port"
             ) from None
         self._server.daemon_threads = True
         self.address = f"http://{HOST}:{self._server.server_port}/"
-        """What to open."""
+        """Its address, to be opened by clients."""
         self._thread = Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 
     def send(self, image: Image) -> None:
-        """Show a picture, RGB."""
+        """Send a picture, RGB."""
         bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
         _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
         with self._news:
@@ -62,7 +62,7 @@ class PictureStream:
             self._news.notify_all()
 
     def close(self) -> None:
-        """End the stream for everybody; may be called twice."""
+        """End the stream for all clients; may be called twice."""
         with self._news:
             self._closed = True
             self._news.notify_all()
@@ -81,11 +81,11 @@ class PictureStream:
             head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}"
             try:
                 handler.wfile.write(head.encode() + b"\r\n\r\n" + data + b"\r\n")
-            except OSError:  # who looked has gone
+            except OSError:  # the client has gone
                 return
 
     def _after(self, shown: int) -> tuple[int, bytes] | None:
-        """Wait for a picture after that one; its number and JPEG, None once closed."""
+        """Wait for a newer picture; return its number and JPEG, or None once closed."""
         with self._news:
             self._news.wait_for(lambda: self._closed or self._count > shown)
             return None if self._closed else (self._count, self._newest)

@@ -1,6 +1,6 @@
-"""Recorded video as a camera: pictures with their times, delivered as they were.
+"""Recorded video as a camera: pictures delivered at their recorded times.
 
-What the eyes get is what they got then; time passes as fast as it is slept through.
+Vision gets the same frames as during the recording; sleeping takes no wall-clock time.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from endolock.hw.api import Calibration, ConfigError, Frame, Image
 
 
 class PlaybackClock:
-    """Time of a recording; sleeping on it costs nothing.
+    """Time of a recording; sleeping on it takes no wall-clock time.
 
     Args:
-        start: where it begins [s].
+        start: start time [s].
     """
 
     realtime = False
@@ -35,18 +35,18 @@ class PlaybackClock:
         return self._now
 
     def sleep_until(self, t: float) -> float:
-        """Go on to `t` [s], or stay where it has passed."""
+        """Advance to `t` [s], unless it has passed."""
         self._now = max(self._now, t)
         return self._now
 
 
 class RecordedCamera:
-    """Delivers recorded frames when the clock reaches the times at which they came.
+    """Delivers recorded frames when the clock reaches their times of delivery.
 
     Args:
         calibration: geometry of the camera that took them.
-        clock: of the playback.
-        frames: in order of their delivery; taken from here one by one.
+        clock: clock of the playback.
+        frames: in order of delivery; consumed one by one.
     """
 
     def __init__(
@@ -59,21 +59,20 @@ class RecordedCamera:
 
     @property
     def due(self) -> float | None:
-        """When the next frame will be delivered [s]; None after the last."""
+        """Time of delivery of the next frame [s]; None after the last."""
         return None if self._next is None else self._next.t_available
 
     def latest(self) -> Frame | None:
-        """Return the newest frame delivered so far, None before the first."""
+        """Return the newest frame delivered, or None before the first."""
         while self._next is not None and self._next.t_available <= self._clock.now() + 1e-9:
             self._newest, self._next = self._next, next(self._frames, None)
         return self._newest
 
 
 def times(path: Path) -> list[tuple[float, float]]:
-    """Read the time stamps of a video: a CSV file with one row a frame.
+    """Read the time stamps of a video: a CSV file with one row per frame.
 
-    Its columns are `t_capture` and `t_available` [s]; with one of them alone, the video is taken to
-    have no latency.
+    Its columns are `t_capture` and `t_available` [s]; with only one of them the latency is zero.
 
     Raises:
         ConfigError: it cannot be read, or time runs backwards.
@@ -106,7 +105,7 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
     Raises:
         ConfigError: it cannot be opened, or has more frames than time stamps.
     """
-    # Printed by FFmpeg itself where a file is damaged; what matters is said by us.
+    # FFmpeg prints its own messages about damaged files; all that matter are raised here.
     reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         if not path.is_file() or not reader.isOpened():
@@ -119,10 +118,10 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
             if seq >= len(stamps):
                 raise ConfigError(
                     f"{path} has more than the {len(stamps)} frames that have time stamps",
-                    "give one row a frame with --times",
+                    "give one row per frame with --times",
                 )
             if seq == 0 and image is None:
-                raise ConfigError(f"{path} holds no picture that can be decoded", "record it again")
+                raise ConfigError(f"{path} has no picture that can be decoded", "record it again")
             same = image is not None and before is not None and np.array_equal(image, before)
             early, late = stamps[seq]
             yield Frame(

@@ -1,7 +1,7 @@
-"""The camera of a bench: a video device, a stream or a video file, always the newest picture of it.
+"""The camera of a bench: the newest picture of a video device, a stream or a video file.
 
-OpenCV keeps up to 4 pictures of a device and a socket keeps more, so who reads seldom reads old
-ones. A thread therefore takes every picture as it comes and keeps the last.
+OpenCV buffers up to 4 pictures of a device and a socket more, so that slow reading returns old
+ones. A thread therefore reads every picture at once and keeps the last.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ import numpy as np
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 
 FIRST_PICTURE_S = 5.0
-"""A source must have given its first picture within this time [s]. Assumed."""
+"""Longest wait for the first picture [s]. Assumed."""
 SILENT_S = 10.0
-"""A stream that sends nothing for so long is gone [s]. Source: what OpenCV waits for a device."""
+"""A stream that sends nothing for this time has ended [s]. Source: OpenCV's time-out of devices."""
 BUFFERS = 2
-"""Pictures a driver may hold: one fills while the other is decoded. OpenCV hands a buffer back only
-after decoding, so with one alone the next picture is lost. Source: OpenCV's cap_v4l.cpp."""
+"""Buffers of a driver: one is filled while the other is decoded. OpenCV returns a buffer only after
+decoding, so with a single one the next picture is lost. Source: OpenCV's cap_v4l.cpp."""
 FAILURES = 10
-"""A source is gone, or a file at its end, when so many grabs in a row fail. Assumed."""
+"""A source has ended after this number of failed grabs in a row. Assumed."""
 RETRY_S = 0.02
-"""Pause after a grab that failed [s]. Assumed."""
+"""Pause after a failed grab [s]. Assumed."""
 CLOSE_S = 1.0
-"""Closing waits so long for a grab under way [s]. Assumed."""
+"""Closing waits at most this time for a grab in progress [s]. Assumed."""
 NAMES = Path("/sys/class/video4linux")
-"""Where Linux tells the names of video devices."""
+"""Folder in which Linux gives the names of video devices."""
 
 
 class VideoCamera:
-    """Keeps the newest picture of a source that is read all the time.
+    """Keeps the newest picture of a source that a thread reads continuously.
 
     A picture is stamped t_available = the clock's time right after its grab, and t_capture =
-    t_available - latency. A source that ends, vanishes or freezes raises nothing: `latest` goes on
-    returning the last frame, whose age tells, and `ended` says whether another can come. OpenCV's
-    warnings are switched off for the whole process: what matters is said here.
+    t_available - latency. A source that ends, is unplugged or freezes raises nothing: `latest`
+    keeps returning the last frame, whose age shows it, and `ended` is true if no other can come.
+    OpenCV's warnings are disabled for the whole process: all that matter are raised here.
 
     Args:
         source: a device (0 or /dev/video0), the address of a stream (http://, rtsp://) or a video
-            file, which plays once at its own frame rate from when the camera is made.
+            file, which plays once at its own frame rate, starting now.
         calibration: geometry of the camera; pictures must have its size.
-        clock: of the wall; stamps the pictures.
+        clock: a wall clock; stamps the pictures.
         latency_s: capture to delivery [s], >= 0. Source: endolock latency.
-        frame_rate_hz: what a device is asked for [Hz]; if None 30, as OpenCV does.
+        frame_rate_hz: requested from a device [Hz]; 30 if None, OpenCV's default.
 
     Raises:
         ConfigError: the source cannot be opened, gives no picture, or one of another size.
@@ -66,7 +66,7 @@ class VideoCamera:
         self._source = str(source)
         self._calibration, self._clock = calibration, clock
         self._latency_s, self._frame_rate_hz = latency_s, frame_rate_hz
-        self._newest: tuple[int, float, Image] | None = None  # swapped whole: needs no lock
+        self._newest: tuple[int, float, Image] | None = None  # replaced as a whole: needs no lock
         self._frame: Frame | None = None
         self._asking = Lock()
         self._stop, self._settled = Event(), Event()
@@ -90,15 +90,15 @@ class VideoCamera:
 
     @property
     def ended(self) -> bool:
-        """Whether no other picture can come: closed, at the end of the file, or gone."""
+        """Whether no other picture can come: closed, at the end of the file, or unplugged."""
         return not self._thread.is_alive()
 
     def latest(self) -> Frame | None:
-        """Return the newest frame grabbed so far; never waits for one.
+        """Return the newest frame grabbed; never waits for one.
 
-        It is `repeated` where its picture equals that of the frame returned before, bit for bit.
-        Pictures overtaken between the two do not count: a chain that doubles every picture gives
-        news all the same.
+        It is `repeated` if its picture equals that of the previously returned frame, bit for bit.
+        Pictures skipped between the two do not count, so that a video chain which doubles every
+        picture still delivers new ones.
         """
         with self._asking:
             newest, before = self._newest, self._frame
@@ -118,9 +118,9 @@ class VideoCamera:
             return self._frame
 
     def close(self) -> None:
-        """Let go of the source; may be called twice.
+        """Close the source; may be called twice.
 
-        A grab that hangs is left behind, and ends by itself within `SILENT_S`.
+        A grab that hangs is not waited for; it ends by itself within `SILENT_S`.
         """
         self._stop.set()
         self._thread.join(CLOSE_S)
@@ -150,7 +150,7 @@ class VideoCamera:
             self._settled.set()
 
     def _device(self) -> cv2.VideoCapture:
-        """Open a device and ask it for what is wanted; whether it obeys, its pictures tell."""
+        """Open a device and request its settings; its pictures show whether it has them."""
         api = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
         if self._source.isdecimal():
             reader = cv2.VideoCapture(int(self._source), api)
@@ -167,8 +167,8 @@ class VideoCamera:
     def _stream(self) -> cv2.VideoCapture:
         """Open a stream or a file.
 
-        One thread decodes: FFmpeg holds a picture back for each further one, so that the latency
-        would depend on the computer. Eight cost 280 ms at 25 Hz, measured on an MPEG-4 stream.
+        One thread decodes: FFmpeg delays by one picture for each further thread, so the latency
+        would depend on the computer. Eight add 280 ms at 25 Hz, measured on an MPEG-4 stream.
         """
         wait_ms = round(1e3 * SILENT_S)
         options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, wait_ms]
@@ -198,31 +198,31 @@ class VideoCamera:
             seq, failures = seq + 1, 0
 
     def _wait_until(self, t: float) -> bool:
-        """Sleep until `t` [s] in steps that let `close` through; False once it is closed."""
+        """Sleep until `t` [s] in short steps; return False once it is closed."""
         while not self._stop.is_set() and (now := self._clock.now()) < t:
             self._clock.sleep_until(min(t, now + RETRY_S))
         return not self._stop.is_set()
 
 
 def devices(root: Path = Path("/dev")) -> list[str]:
-    """List the video devices of this computer, with their names where Linux tells them.
+    """List the video devices of this computer, with their names on Linux.
 
-    A camera may have several, of which only the first gives pictures.
+    A camera may have several; only the first gives pictures.
     """
     found = sorted(root.glob("video[0-9]*"), key=lambda path: (len(path.name), path.name))
     return [str(path) + _name(path.name) for path in found]
 
 
 def _name(device: str) -> str:
-    """Name of a device in brackets, or nothing."""
+    """Return the name of a device in brackets, or nothing."""
     with suppress(OSError, UnicodeDecodeError):
         return f" ({(NAMES / device / 'name').read_text(encoding='utf-8').strip()})"
     return ""
 
 
 def _decoded(reader: cv2.VideoCapture) -> Image | None:
-    """Decode the picture just grabbed, blue first; None where it is damaged."""
-    with suppress(cv2.error):  # raised for a picture without any byte
+    """Decode the picture just grabbed, blue first; None if it is damaged."""
+    with suppress(cv2.error):  # raised for an empty picture
         good, picture = reader.retrieve()
         return np.asarray(picture, np.uint8) if good else None
     return None

@@ -25,7 +25,7 @@ class Handle(Section):
     speed_rad_s: float = Field(default=3.49, gt=0)
     """Maximum speed of the goal [rad/s]. Assumed: 33 rpm, a small servo under load."""
     current_limit_a: float | None = Field(default=None, ge=0.02, le=3.2)
-    """Largest motor current [A]; None: as set in the motor. The X series' register ends at 3.2 A."""
+    """Largest motor current [A]; None: as set in the motor. X series registers end at 3.2 A."""
 
     @field_validator("direction")
     @classmethod

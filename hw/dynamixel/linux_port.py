@@ -1,8 +1,8 @@
 """Serial ports of Linux.
 
 A port excludes other programs (flock and TIOCEXCL), supports any baud rate, tells an unplugged
-adapter from a silent one, and finds it again under another name. VMIN = 1 together with O_NONBLOCK makes an empty
-read a hang-up and nothing else.
+adapter from a silent one, and finds it again under another name. VMIN = 1 together with O_NONBLOCK
+makes an empty read a hang-up and nothing else.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The host's side of a servo bus: requests out, answers in, each within its time.
+"""The host's side of a servo bus: requests and answers, each with a time-out.
 
-Protocol 2.0 numbers nothing, so an answer that comes late looks like that to the next request:
-what is left of the past is thrown away before each request, and a cycle lets its caller judge
-every block that comes.
+Protocol 2.0 has no sequence numbers, so a late answer looks like one to the next request: bytes
+left over are discarded before each request, and a cycle lets its caller check every block.
 """
 
 from __future__ import annotations
@@ -31,26 +30,26 @@ from endolock.hw.dynamixel.port import Port
 from endolock.hw.dynamixel.registers import Register
 
 TIMEOUT_S = 0.020
-"""Longest wait for the answers to one request [s]. Assumed: an adapter's 16 ms and some."""
+"""Time-out of the answers to one request [s]. Assumed: an adapter's 16 ms, and some more."""
 CYCLE_BYTES = 100
-"""Of two requests and two answers on the line."""
+"""Length of two requests and two answers on the line [bytes]."""
 TRIES = 3
-"""Requests that are answered one by one are repeated so often."""
+"""Maximum attempts of a request to a single motor."""
 
 Accept = Callable[[int, bytes, float, float], bool]
-"""Judges a block: place of the motor, its bytes, when the request went out and when the block came
-[s]; whether it answers that request."""
+"""Checks a block: index of the motor, its bytes, when the request was sent and when the block was
+received [s]; returns whether it answers that request."""
 
 
 class Cycle(NamedTuple):
-    """What came of one request to all motors."""
+    """Result of one request to all motors."""
 
     blocks: list[bytes | None]
-    """The accepted block of each motor; None where there was none."""
+    """Accepted block of each motor, or None."""
     sent_at: float
-    """When the request went out [s]."""
+    """When the request was sent [s]."""
     done_at: float
-    """When the last bytes came in [s]; if none, when the request went out."""
+    """When the last bytes were received [s]; if none were, when the request was sent."""
 
 
 class Bus:
@@ -59,7 +58,7 @@ class Bus:
     Args:
         port: the line; opened and closed by `open` and `close`.
         clock: stamps errors.
-        names: what each motor moves, by id, for messages.
+        names: axis of each motor, by id, for messages.
         timeout_s: see `TIMEOUT_S`.
     """
 
@@ -76,18 +75,18 @@ class Bus:
         self._unlogged: ConfigError | None = None
         self._parser = Parser()
         self._ids = tuple(names)
-        self._places = {device: place for place, device in enumerate(self._ids)}
+        self._indices = {device: index for index, device in enumerate(self._ids)}
         block = pack("<HH", reg.INDIRECT_DATA.address, reg.BLOCK_SIZE) + bytes(self._ids)
         self._read_blocks = encode(BROADCAST, Instruction.SYNC_READ, block)
         self._goals = pack("<HH", *reg.GOAL_POSITION)
 
     def open(self) -> None:
         """Open the port, or open it again."""
-        self._told(self.port.open)
+        self._stamped(self.port.open)
         self._parser.reset()
 
     def record(self, path: Path) -> None:
-        """Keep every byte from now on in a new file; see `hw/dynamixel/bus_log.py`.
+        """Log every byte from now on to a new file; see `hw/dynamixel/bus_log.py`.
 
         Raises:
             ConfigError: it cannot be written.
@@ -95,10 +94,10 @@ class Bus:
         self._log = BusLog(path)
 
     def close(self) -> None:
-        """Close the port, and the log where there is one.
+        """Close the port and the log.
 
         Raises:
-            ConfigError: the log broke off, some time before.
+            ConfigError: the log could not be written to its end.
         """
         self.port.close()
         if self._log:
@@ -138,27 +137,27 @@ class Bus:
         self._ask(device, Instruction.WRITE, pack("<H", register.address) + value, size=0)
 
     def reboot(self, device: int) -> None:
-        """Let a motor start anew; it answers again after a moment."""
-        with suppress(LinkLost):  # it may be on its way before its answer is heard
+        """Restart a motor; it answers again after a moment."""
+        with suppress(LinkLost):  # it may restart before its answer arrives
             self._ask(device, Instruction.REBOOT, b"", size=0)
 
     def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
-        """Write one register of several motors at once; nobody answers."""
+        """Write one register of several motors at once; they do not answer."""
         data = pack("<HH", *register)
         for device, value in values.items():
             data += bytes((device,)) + register.encode(value)
         request = encode(BROADCAST, Instruction.SYNC_WRITE, data)
-        self._told(lambda: self._send(request))
+        self._stamped(lambda: self._send(request))
 
     def sync_read(
         self, devices: Sequence[int], register: Register, *, fast: bool = False
     ) -> dict[int, int]:
-        """Read one register of several motors at once, as signed numbers; who is silent is missing.
+        """Read one register of several motors at once, signed; silent motors are left out.
 
         Args:
             devices: ids.
-            register: where.
-            fast: let them answer in one packet, which needs a firmware that knows it.
+            register: the register.
+            fast: let them answer in one packet, which their firmware must support.
         """
         kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
         data = pack("<HH", *register) + bytes(devices)
@@ -174,10 +173,10 @@ class Bus:
         return found
 
     def bulk_read(self, registers: Mapping[int, Register]) -> dict[int, int]:
-        """Read another register of each motor at once, as signed numbers; who is silent is missing.
+        """Read a different register of each motor at once, as signed numbers; see `sync_read`.
 
         Args:
-            registers: by id.
+            registers: the register of each motor, by id.
         """
         data = b"".join(pack("<BHH", device, *r) for device, r in registers.items())
         request = encode(BROADCAST, Instruction.BULK_READ, data)
@@ -189,11 +188,11 @@ class Bus:
         }
 
     def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Send all goals and read all blocks, in one go.
+        """Send all goals and read all blocks in one transaction.
 
         Args:
             goals: of each motor [counts]; None to read only.
-            accept: judges each block.
+            accept: checks each block.
 
         Raises:
             PortGone: the port was unplugged.
@@ -218,17 +217,17 @@ class Bus:
                     break
                 done_at = came_at
                 for packet in self._parser.feed(data):
-                    place = self._places.get(packet.id, -1)
+                    index = self._indices.get(packet.id, -1)
                     if (
-                        place < 0
+                        index < 0
                         or packet.instruction != Instruction.STATUS
                         or len(packet.parameters) != 1 + reg.BLOCK_SIZE
                         or packet.parameters[0] & ~ALERT
-                        or found[place] is not None
+                        or found[index] is not None
                     ):
                         continue
-                    if accept(place, packet.parameters[1:], sent_at, came_at):
-                        found[place] = packet.parameters[1:]
+                    if accept(index, packet.parameters[1:], sent_at, came_at):
+                        found[index] = packet.parameters[1:]
                         missing -= 1
         except LinkError as error:
             error.t = self._clock.now()
@@ -263,11 +262,11 @@ class Bus:
         )
 
     def _collect(self, request: bytes, who: Collection[int] | None = None) -> list[Packet]:
-        """Send a request; return the status packet of each of these ids, or of all that come.
+        """Send a request; return the status packet of each of these ids, or of all that answer.
 
         Args:
-            request: what to send.
-            who: ids whose answers are waited for, one each; None: all that come in time.
+            request: bytes to send.
+            who: ids whose answers are waited for, one each; None: all that answer in time.
         """
         found: list[Packet] = []
 
@@ -284,33 +283,33 @@ class Bus:
                     if answers and (who is None or packet.id in who):
                         found.append(packet)
 
-        self._told(talk)
+        self._stamped(talk)
         return found
 
     def _drain(self) -> None:
-        """Throw away what is left of the past."""
+        """Discard bytes left over from before."""
         self._parser.reset()
-        for _ in range(64):  # who never falls silent is no bus; then let the caller see nothing
+        for _ in range(64):  # a line that never falls silent is not a bus
             if not self._receive(0.0)[0]:
                 return
 
     def _send(self, data: bytes) -> float:
-        """Send; return when [s], as in the log."""
+        """Send bytes; return the time as logged [s]."""
         now = self._clock.now()
         self.port.send(data)
-        self._keep(now, False, data)
+        self._log_bytes(now, False, data)
         return now
 
     def _receive(self, timeout_s: float) -> tuple[bytes, float]:
-        """Return what has come, and when [s], as in the log."""
+        """Return the bytes received, and the time as logged [s]."""
         data = self.port.receive(timeout_s)
         now = self._clock.now()
         if data:
-            self._keep(now, True, data)
+            self._log_bytes(now, True, data)
         return data, now
 
-    def _keep(self, t: float, came_in: bool, data: bytes) -> None:
-        """Log bytes; a log that cannot be written must not stop whoever stops the motors."""
+    def _log_bytes(self, t: float, came_in: bool, data: bytes) -> None:
+        """Log bytes; a failing log must not keep the motors from being stopped."""
         if self._log:
             try:
                 self._log.append(t, came_in, data)
@@ -318,7 +317,7 @@ class Bus:
                 self._log.close()
                 self._log, self._unlogged = None, error
 
-    def _told(self, call: Callable[[], object]) -> None:
+    def _stamped(self, call: Callable[[], object]) -> None:
         try:
             call()
         except LinkError as error:

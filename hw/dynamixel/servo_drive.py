@@ -1,8 +1,8 @@
-"""Two servos on the handle wheels, as a guard drives them: goals in, readings out, faults told.
+"""Two servos on the handle wheels, as a guard drives them: goals in, readings and faults out.
 
-The same for a bus and for servos without one. Every cycle reads one block of each motor, gathered
-by its indirect addresses, and believes it only if it was taken in this cycle: the device's own
-clock must be as far on as ours, and the goal in it tells whether ours arrived.
+The same code drives servos on a bus and servos without one. Every cycle reads one block per motor,
+gathered by its indirect addresses, and accepts it only if it was taken in this cycle: the device's
+own clock must have advanced as far as ours. The goal in it shows whether ours arrived.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from endolock.hw.errors import RESUME, add_second
 from endolock.hw.lifecycle import close_after, close_all
 
 WATCHDOG_S = 0.4
-"""Without a packet for this time [s] a motor stops where it is, by itself. Assumed: twice the time
-that a command is valid, so that the guard's own hold comes first."""
+"""A motor stops by itself after this time without a packet [s]. Assumed: twice the time that a
+command is valid, so that the guard's own hold comes first."""
 STALE_S = 0.003
-"""A block whose clock is this far behind the request [s] belongs to an earlier one. Assumed: two
-ticks and some."""
+"""A block whose clock is behind the request by more than this answers an earlier one [s]. Assumed:
+two ticks, and some more."""
 CLOSE_S = 1.0
-"""A line that is silent when it is closed is asked again for this long [s]. Assumed."""
+"""On closing, a silent line is retried for this time [s]. Assumed."""
 AHEAD_S = 0.05
-"""A clock that is so far ahead [s] is that of a motor that restarted. Assumed."""
+"""A clock that is ahead by more than this means that the motor has restarted [s]. Assumed."""
 DRIFT = 0.02
-"""The device's clock may run off by this share of time [1]. Assumed."""
+"""Largest relative error of the device's clock [1]. Assumed."""
 _FIRST_GATHERED = Register(reg.INDIRECT_ADDRESS.address, 2)
 _PERIOD_S = 1e-3 * reg.TICK_PERIOD
 
@@ -42,11 +42,11 @@ class ServoDrive:
     """Drives one servo for each axis; see `hw.drive.Drive`.
 
     Args:
-        link: leads to the servos.
+        link: connects to the servos.
         clock: stamps the readings.
-        handles: how each servo sits on its wheel, by axis.
-        units: what their registers count in; the X series' if None.
-        watchdog_s: see `WATCHDOG_S`; a whole number of 20 ms.
+        handles: how each servo drives its wheel, by axis.
+        units: units of their registers; those of the X series if None.
+        watchdog_s: see `WATCHDOG_S`; a multiple of 20 ms.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ServoDrive:
         self._measured = (clock.now(), 0.0)  # when, and how surely
 
     def describe(self) -> dict[str, Any]:
-        """Return how the motors are driven as plain values, with the zeros in force."""
+        """Return the settings of the drive as plain values, with the present zeros."""
         rows = zip(self.axes, self._handles, self._zeros, strict=True)
         return {
             "watchdog_s": self._watchdog * reg.WATCHDOG_UNIT_S,
@@ -86,10 +86,10 @@ class ServoDrive:
         }
 
     def open(self) -> None:
-        """Get hold of the motors, torque off, everything set that a cycle relies on.
+        """Open the motors, torque off, and set everything that a cycle relies on.
 
         Raises:
-            HardwareError: one is missing, or cannot be used as it is.
+            HardwareError: one is missing, or cannot be used as it is set.
             DeviceFault: one has a latched hardware error.
         """
         self._link.open()
@@ -102,7 +102,7 @@ class ServoDrive:
             raise
 
     def recover(self) -> None:
-        """Get hold of the motors again after a fault, torque off; restart those with an error.
+        """Reopen the motors after a fault, torque off; restart those with a hardware error.
 
         Raises:
             HardwareError: that fails.
@@ -124,37 +124,37 @@ class ServoDrive:
         """
         self._sent = None if goal is None else self._counts(goal)
         fresh, reading = self._cycle(self._sent)
-        for place, block in enumerate(self._blocks):
-            if block is not None and fresh[place]:
-                self._known[place] = block.position
-                self._check(place, block)
-            elif self._refused[place]:
-                self._examine(place)
+        for index, block in enumerate(self._blocks):
+            if block is not None and fresh[index]:
+                self._known[index] = block.position
+                self._check(index, block)
+            elif self._refused[index]:
+                self._examine(index)
         return reading
 
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the nearest goal that the motors can hold [rad]."""
+        """Return the nearest goal that the motors can represent [rad]."""
         return self.angles(self._counts(goal))
 
     def hold(self) -> tuple[float, ...] | None:
-        """Stop every motor that still listens where it is, whatever is wrong with the others.
+        """Stop every motor that still responds, whatever the state of the others.
 
         Returns:
-            Where they hold [rad]; None where nobody answered.
+            The angles they hold [rad]; None where none answered.
         """
         fresh, _ = self._cycle(None)
         known = [block for block in self._blocks if block is not None]
         if not any(fresh) or len(known) < len(fresh):
             return None
-        places = [
+        counts = [
             block.position if heard else block.goal
             for block, heard in zip(known, fresh, strict=True)
         ]
-        self._cycle(places)
-        return self.angles(places)
+        self._cycle(counts)
+        return self.angles(counts)
 
     def torque(self, on: bool) -> None:
-        """Switch torque; it comes on only where the goal has arrived, the watchdog last.
+        """Switch torque on or off; on only after the goal has arrived, with the watchdog last.
 
         Raises:
             HardwareError: a motor refused, or does not answer.
@@ -162,9 +162,9 @@ class ServoDrive:
         if not on:
             self._switch_off()
             return
-        assert self._sent is not None  # a guard sends the goal first; here it is made sure of
-        for place, (handle, goal) in enumerate(zip(self._handles, self._sent, strict=True)):
-            self._examine(place)
+        assert self._sent is not None  # guaranteed by Guard: it sends the goal first
+        for index, (handle, goal) in enumerate(zip(self._handles, self._sent, strict=True)):
+            self._examine(index)
             self._link.write(handle.id, reg.GOAL_POSITION, goal)
         try:
             for handle in self._handles:
@@ -199,10 +199,10 @@ class ServoDrive:
         self.limits = self._limited()
 
     def close(self) -> None:
-        """Torque off, let go of the port; a silent line is asked again for `CLOSE_S`.
+        """Switch torque off and close the port; a silent line is retried for `CLOSE_S`.
 
         Raises:
-            HardwareError: a motor could not be told; its watchdog holds it.
+            HardwareError: a motor did not take the command; its watchdog holds it.
         """
         close_all(self._relax, self._link.close)
 
@@ -219,9 +219,9 @@ class ServoDrive:
             self.clock.sleep_until(self.clock.now() + 0.05)
 
     def _switch_off(self) -> None:
-        """Switch the torque of all motors off, and see that it is.
+        """Switch the torque of all motors off, and check that it is.
 
-        The watchdog goes last: while torque is on it is the last guard.
+        The watchdog is switched off last: while torque is on it is the last protection.
         """
         self._on = False
         failed: list[HardwareError] = []
@@ -229,38 +229,38 @@ class ServoDrive:
             try:
                 self._link.write(handle.id, reg.TORQUE_ENABLE, 0)
                 self._link.write(handle.id, reg.WATCHDOG, 0)
-            except HardwareError as error:  # the others are still to be switched off
+            except HardwareError as error:  # the others still have to be switched off
                 failed.append(error)
         if failed:
             raise failed[0]
-        for place, handle in enumerate(self._handles):
-            # An answer has no number: it may have been that to something older.
+        for index, handle in enumerate(self._handles):
+            # Answers have no number: this one may have been to an older request.
             if self._link.read(handle.id, reg.TORQUE_ENABLE):
-                raise self._still_on(place)
+                raise self._still_on(index)
 
     def _set_up(self) -> None:
-        """Bring all motors into the state that a cycle relies on; torque off."""
+        """Set all motors up for cycles; torque off."""
         self._switch_off()
         for axis, handle in zip(self.axes, self._handles, strict=True):
             servo_setup.prepare(self._link, self.clock, axis, handle, self._units)
         self._offset = [inf] * len(self._handles)
         fresh, _ = self._cycle(None)
-        for place, block in enumerate(self._blocks):
-            if block is not None and fresh[place]:
-                self._keep_zero(place, block.position)
-        for place, block in enumerate(self._blocks):
-            if block is None or not fresh[place]:
+        for index, block in enumerate(self._blocks):
+            if block is not None and fresh[index]:
+                self._keep_zero(index, block.position)
+        for index, block in enumerate(self._blocks):
+            if block is None or not fresh[index]:
                 raise LinkLost(
-                    f"handle motor {self._name(place)} does not answer to a sync read",
+                    f"handle motor {self._name(index)} does not answer to a sync read",
                     "set its status return level to 2",
                     recovery=("connect",),
                     t=self.clock.now(),
-                    axis=self.axes[place],
+                    axis=self.axes[index],
                 )
-            self._check(place, block)
+            self._check(index, block)
 
     def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
-        """Do one cycle; tell who answered, and what is known then."""
+        """Do one cycle; return which motors answered, and the reading."""
         self._refused = [False] * len(self._handles)
         found, sent_at, done_at = self._link.cycle(goals, self._accept)
         fresh = [data is not None for data in found]
@@ -268,23 +268,23 @@ class ServoDrive:
             self._measured = (sent_at + done_at) / 2, (done_at - sent_at) / 2
         return fresh, self._reading(fresh, *self._measured)
 
-    def _accept(self, place: int, data: bytes, sent_at: float, now: float) -> bool:
-        """Judge a block; keep it if it was taken in this cycle and its motor did not restart."""
+    def _accept(self, index: int, data: bytes, sent_at: float, now: float) -> bool:
+        """Check a block; keep it if it was taken in this cycle and its motor did not restart."""
         block = reg.unpack(data)
-        if self._offset[place] == inf:
-            self._offset[place], self._heard[place] = now - 1e-3 * block.tick, now
-        # What the answer took on its way, beyond the fastest one so far.
-        behind = now - self._offset[place] - 1e-3 * block.tick
+        if self._offset[index] == inf:
+            self._offset[index], self._heard[index] = now - 1e-3 * block.tick, now
+        # Delay of the answer, relative to the fastest one so far.
+        behind = now - self._offset[index] - 1e-3 * block.tick
         behind -= _PERIOD_S * round(behind / _PERIOD_S)
-        drift = DRIFT * (now - self._heard[place])
+        drift = DRIFT * (now - self._heard[index])
         in_time = now - behind >= sent_at - STALE_S - drift and behind > -AHEAD_S - drift
         lost_torque = self._on and not block.torque and not block.hardware_error
-        blank = not any(data)  # gathered from nowhere
+        blank = not any(data)  # its indirect addresses are not set
         if lost_torque or blank or not in_time:
-            self._refused[place] = True
+            self._refused[index] = True
             return False
-        self._offset[place] += min(drift, behind)
-        self._blocks[place], self._heard[place] = block, now
+        self._offset[index] += min(drift, behind)
+        self._blocks[index], self._heard[index] = block, now
         return True
 
     def _reading(self, fresh: list[bool], t: float, t_err: float) -> Reading:
@@ -309,12 +309,12 @@ class ServoDrive:
             silent=tuple(a for a, f in zip(self.axes, fresh, strict=True) if not f),
         )
 
-    def _check(self, place: int, block: Block) -> None:
-        """Raise what a block tells of its motor."""
+    def _check(self, index: int, block: Block) -> None:
+        """Raise the fault that a block reports."""
         tripped = self._on and block.watchdog == reg.TRIPPED
         if not block.hardware_error and not tripped and bool(block.torque) == self._on:
             return
-        name, axis, now = self._name(place), self.axes[place], self.clock.now()
+        name, axis, now = self._name(index), self.axes[index], self.clock.now()
         known = [told for bit, told in reg.HARDWARE_ERRORS.items() if block.hardware_error & bit]
         if block.hardware_error:
             unknown = f"hardware error {block.hardware_error:#04x}", "see its maker's manual"
@@ -338,55 +338,55 @@ class ServoDrive:
                 axis=axis,
             )
         if block.torque:
-            raise self._still_on(place)
+            raise self._still_on(index)
 
-    def _still_on(self, place: int) -> LinkLost:
+    def _still_on(self, index: int) -> LinkLost:
         return LinkLost(
-            f"handle motor {self._name(place)} has torque though it was switched off",
+            f"handle motor {self._name(index)} has torque though it was switched off",
             "end any other program that drives it",
             recovery=("clear_fault",),
             t=self.clock.now(),
-            axis=self.axes[place],
+            axis=self.axes[index],
         )
 
-    def _examine(self, place: int) -> None:
-        """Ask a motor whose blocks are not believed what has become of it."""
-        device = self._handles[place].id
+    def _examine(self, index: int) -> None:
+        """Find out why the blocks of a motor are not accepted."""
+        device = self._handles[index].id
         try:
-            # A restart makes it forget what its block is made of.
+            # A restart resets the indirect addresses.
             restarted = self._link.read(device, _FIRST_GATHERED) != reg.BLOCK_ADDRESSES[0]
             switched_off = self._on and not self._link.read(device, reg.TORQUE_ENABLE)
         except LinkLost:
-            return  # silent: its age tells
+            return  # silent: the guard checks its age
         if restarted or switched_off:
-            what = "has restarted: its power was off for a moment, or somebody rebooted it"
+            what = "has restarted: its power was off for a moment, or it was rebooted"
             if not restarted:
-                what = "was switched off by somebody else"
+                what = "was switched off by another program"
             raise DeviceFault(
-                f"handle motor {self._name(place)} {what}",
+                f"handle motor {self._name(index)} {what}",
                 "check plug and supply",
                 kind="reset",
                 recovery=RESUME,
                 t=self.clock.now(),
-                axis=self.axes[place],
+                axis=self.axes[index],
             )
 
-    def _keep_zero(self, place: int, position: int) -> None:
-        """Know the zero where none is given, and count turns so that it is the nearest one.
+    def _keep_zero(self, index: int, position: int) -> None:
+        """Take the zero from the position where none is given, and count whole turns.
 
-        A motor forgets whole turns when it starts; after a restart it stands where it last did.
+        A motor forgets whole turns when it starts; after a restart it is where it last was.
         """
-        zero, calibrated = self._zeros[place], self._calibrated[place]
-        known = self._known[place]
-        self._known[place] = position
+        zero, calibrated = self._zeros[index], self._calibrated[index]
+        known = self._known[index]
+        self._known[index] = position
         if zero is None or calibrated is None:
-            self._zeros[place] = self._calibrated[place] = position
+            self._zeros[index] = self._calibrated[index] = position
             return
         turned = reg.TURN * round((position - (zero if known is None else known)) / reg.TURN)
-        self._zeros[place], self._calibrated[place] = zero + turned, calibrated + turned
+        self._zeros[index], self._calibrated[index] = zero + turned, calibrated + turned
 
     def _limited(self) -> Limits:
-        """What may be asked for, counted from the present zeros."""
+        """Return the limits, counted from the present zeros."""
         counted = zip(self._zeros, self._calibrated, self._step, strict=True)
         moved = [((zero or 0) - (calibrated or 0)) * step for zero, calibrated, step in counted]
         rows = list(zip(self._handles, moved, strict=True))
@@ -400,12 +400,12 @@ class ServoDrive:
         return [round(angle / step) + (zero or 0) for angle, step, zero in rows]
 
     def angles(self, counts: Sequence[int]) -> tuple[float, ...]:
-        """Return the handle angles at positions of the motors [rad]."""
+        """Return the handle angles at these motor positions [rad]."""
         rows = zip(counts, self._step, self._zeros, strict=True)
         return tuple((count - (zero or 0)) * step for count, step, zero in rows)
 
-    def _name(self, place: int) -> str:
-        return f"{self._handles[place].id} ({self.axes[place]})"
+    def _name(self, index: int) -> str:
+        return f"{self._handles[index].id} ({self.axes[index]})"
 
 
 _NOTHING = Block(0, 0, 0, 0, 0, 0, 0, 0)

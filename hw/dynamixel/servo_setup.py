@@ -1,4 +1,4 @@
-"""What a servo must be set to before a cycle can rely on it: the duties at connecting."""
+"""Settings that a servo needs before cycles can start, written at connecting."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from endolock.hw.dynamixel.registers import Register, Units
 from endolock.hw.dynamixel.servo_bus import Accept, Cycle
 
 RESTART_S = 1.0
-"""A motor must answer again within this time after a reboot [s]. Assumed: X series take 0.3 s."""
+"""Longest time until a motor answers again after a reboot [s]. Assumed: X series take 0.3 s."""
 
 
 class Link(Protocol):
-    """What carries registers to and fro; `Bus`, or `DirectLink`."""
+    """Access to the registers of motors: `Bus`, or `DirectLink`."""
 
     def open(self) -> None:
-        """Get hold of it."""
+        """Open it."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
     def ping(self, device: int) -> tuple[int, int]:
         """Return model number and firmware version."""
@@ -35,24 +35,24 @@ class Link(Protocol):
         """Write a register."""
 
     def reboot(self, device: int) -> None:
-        """Let a motor start anew."""
+        """Restart a motor."""
 
     def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
         """Send all goals, read all blocks."""
 
 
 def prepare(link: Link, clock: Clock, axis: str, handle: Handle, units: Units) -> None:
-    """Set one motor, torque off, so that its blocks can be read; what is set already stays.
+    """Set one motor up so that its blocks can be read; torque is off.
 
     Args:
-        link: leads to it.
+        link: connects to it.
         clock: stamps errors.
-        axis: what it turns.
-        handle: how it sits there.
-        units: what its registers count in.
+        axis: the axis that it turns.
+        handle: how it drives its wheel.
+        units: units of its registers.
 
     Raises:
-        StateError: it cannot be used as it is.
+        StateError: it cannot be used as it is set.
         HardwareError: it refuses, or does not answer.
     """
     device = handle.id
@@ -67,16 +67,19 @@ def prepare(link: Link, clock: Clock, axis: str, handle: Handle, units: Units) -
     if offset := link.read(device, reg.HOMING_OFFSET):
         raise StateError(
             f"handle motor {device} ({axis}) has a homing offset of {offset} counts, with which "
-            "its watchdog would let it creep",
-            "set it to 0 with endolock doctor --port PORT --set-up, and its zero anew",
+            "it would creep after its watchdog has stopped it",
+            "set it to 0, and its zero again, with endolock doctor --port PORT --set-up",
             t=clock.now(),
             axis=axis,
         )
     mode = reg.EXTENDED_POSITION if handle.current_limit_a is None else reg.CURRENT_POSITION
-    # Written only where it differs: the EEPROM wears.
+    # Written only where it differs: the EEPROM has a limited number of write cycles.
     for register, value in (
         (reg.OPERATING_MODE, mode),
-        (reg.DRIVE_MODE, 0),  # not reversed, no ramp by time, torque never by a goal
+        (
+            reg.DRIVE_MODE,
+            0,
+        ),  # not reversed, no time-based profile, torque never switched on by a goal
         (reg.RETURN_DELAY, 0),
     ):
         if link.read(device, register) != value:

@@ -1,4 +1,4 @@
-"""Serves an emulated bus on a pseudo-terminal, at once or as slowly as a wire would."""
+"""Serves an emulated bus on a pseudo-terminal, at once or at the speed of a wire."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ if TYPE_CHECKING:
     from endolock.hw.emulator.pty_line import PtyLine
 
 SPIN_S = 2e-4
-"""The rest of a wait is spent looking at the clock [s]; the system wakes late."""
+"""The last part of a wait is spent polling the clock [s]; the system wakes late."""
 
 
 class BusServer:
-    """A bus at the end of a line.
+    """Answers the requests on a line with a bus.
 
     Args:
         bus: answers.
-        line: where requests come from.
-        paced: whether answers take as long as their and the requests' bytes take on a wire.
+        line: delivers requests.
+        paced: whether answers are delayed by the time that all bytes take on a wire.
     """
 
     def __init__(self, bus: AnsweringBus, line: PtyLine, *, paced: bool = False) -> None:
         self.bus, self.line, self.paced = bus, line, paced
 
     def answer(self) -> bool:
-        """Answer what has come; return whether anything had."""
+        """Answer the bytes received; return whether there were any."""
         data = self.line.read()
         if not data:
             return False

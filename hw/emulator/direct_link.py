@@ -1,4 +1,4 @@
-"""Servos driven without a bus: the same registers, the same refusals, no bytes on a line."""
+"""Servos driven without a bus: the same registers and refusals, but no packets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from endolock.hw.emulator.servo_model import Refused, Servo
 
 
 class DirectLink:
-    """See `hw.servo_setup.Link`.
+    """Access to servos in the same process; see `servo_setup.Link`.
 
     Args:
         servos: in the order of their blocks.
@@ -23,7 +23,7 @@ class DirectLink:
         self._servos, self._clock = tuple(servos), clock
 
     def open(self) -> None:
-        """Nothing to do: they are always there."""
+        """Nothing to do: they are always reachable."""
 
     def close(self) -> None:
         """Nothing to do."""
@@ -50,23 +50,23 @@ class DirectLink:
             ) from None
 
     def reboot(self, device: int) -> None:
-        """Let a servo start anew."""
+        """Restart a servo."""
         self._servo(device).reboot()
 
     def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
         """Set all goals and read all blocks."""
         found: list[bytes | None] = []
         now = self._clock.now()
-        for place, servo in enumerate(self._servos):
+        for index, servo in enumerate(self._servos):
             servo.heard()
             if goals is not None:
                 try:
-                    data = reg.GOAL_POSITION.encode(goals[place])
+                    data = reg.GOAL_POSITION.encode(goals[index])
                     servo.write(reg.GOAL_POSITION.address, data)
                 except Refused:
-                    pass  # the block shows it, as on a bus
+                    pass  # visible in the block, as on a bus
             block = servo.read(reg.INDIRECT_DATA.address, reg.BLOCK_SIZE) if servo.awake else b""
-            found.append(block if block and accept(place, block, now, now) else None)
+            found.append(block if block and accept(index, block, now, now) else None)
         return Cycle(found, now, now)
 
     def _servo(self, device: int) -> Servo:

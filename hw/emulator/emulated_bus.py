@@ -1,6 +1,6 @@
-"""Servos on one line as the line sees them: packets in, answers out.
+"""Servos on one line: packets in, answers out.
 
-What is not addressed to a servo, or damaged on the way, is not answered, as on a real bus.
+Packets that are damaged or addressed to no servo are not answered, as on a real bus.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from endolock.hw.dynamixel.packets import (
 from endolock.hw.emulator.servo_model import Refused, Servo
 
 UNFINISHED_S = 0.003
-"""A packet that stops half-way is given up after so long [s]. Assumed."""
+"""An unfinished packet is discarded after this pause [s]. Assumed."""
 
 
 class AnsweringBus(Protocol):
@@ -31,18 +31,18 @@ class AnsweringBus(Protocol):
 
     @property
     def servos(self) -> Sequence[Servo]:
-        """What is on the line."""
+        """The servos on the line."""
 
     def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes in, return answers."""
+        """Take bytes from the host, return the answers."""
 
 
 class EmulatedBus:
-    """Answers what a host sends.
+    """Answers the requests of a host.
 
     Args:
-        servos: on the line.
-        now: the time [s].
+        servos: those on the line.
+        now: returns the time [s].
     """
 
     def __init__(self, servos: Sequence[Servo], now: Callable[[], float]) -> None:
@@ -65,11 +65,11 @@ class EmulatedBus:
         }
 
     def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes from the host in, return the answers in their order.
+        """Take bytes from the host, return the answers in order.
 
         Args:
-            data: as they came.
-            baud: of the line; servos set to another one understand nothing. None: all understand.
+            data: the bytes as received.
+            baud: baud rate of the line [1/s]; servos set to another one ignore it. None: any.
         """
         now = self._now()
         if self._parser.partial and now - self._last_s > UNFINISHED_S:
@@ -93,7 +93,7 @@ class EmulatedBus:
         if call is not None:
             try:
                 return call(packet, here)
-            except (IndexError, ValueError):  # too short for what it says
+            except (IndexError, ValueError):  # shorter than its parameters claim
                 why = Refusal.DATA_LENGTH
         if packet.id == BROADCAST:
             return []
@@ -109,7 +109,9 @@ class EmulatedBus:
 
     def _read(self, packet: Packet, here: list[Servo]) -> list[bytes]:
         address, size = _numbers(packet.parameters)
-        found = [self._asked(servo, address, size) for servo in here if packet.id != BROADCAST]
+        found = [
+            self._read_status(servo, address, size) for servo in here if packet.id != BROADCAST
+        ]
         return [answer for answer in found if answer]
 
     def _write(self, packet: Packet, here: list[Servo]) -> list[bytes]:
@@ -134,7 +136,7 @@ class EmulatedBus:
         rest = packet.parameters[4:]
         for start in range(0, len(rest) - size, size + 1):
             data = rest[start + 1 : start + 1 + size]
-            _quietly(here, rest[start], address, data)
+            _write_silently(here, rest[start], address, data)
         return []
 
     def _sync_read(self, packet: Packet, here: list[Servo]) -> list[bytes]:
@@ -143,7 +145,7 @@ class EmulatedBus:
         found = []
         for device in packet.parameters[4:]:
             if servo := by_id.get(device):
-                found.append(self._asked(servo, address, size))
+                found.append(self._read_status(servo, address, size))
         return [answer for answer in found if answer]
 
     def _fast_sync_read(self, packet: Packet, here: list[Servo]) -> list[bytes]:
@@ -152,7 +154,7 @@ class EmulatedBus:
         parts = []
         for device in packet.parameters[4:]:
             servo = by_id.get(device)
-            # Each adds its part to that of the one before: the chain breaks.
+            # Each adds its part to that of the previous one: the chain breaks.
             if servo is None or servo.status_level < 1:
                 return []
             try:
@@ -169,7 +171,7 @@ class EmulatedBus:
         for start in range(0, len(packet.parameters), 5):
             device, address, size = unpack_from("<BHH", packet.parameters, start)
             if servo := by_id.get(device):
-                answers.append(self._asked(servo, address, size))
+                answers.append(self._read_status(servo, address, size))
         return [answer for answer in answers if answer]
 
     def _bulk_write(self, packet: Packet, here: list[Servo]) -> list[bytes]:
@@ -177,11 +179,11 @@ class EmulatedBus:
         while len(rest) >= 5:
             device, address, size = unpack_from("<BHH", rest)
             if len(rest) >= 5 + size:
-                _quietly(here, device, address, rest[5 : 5 + size])
+                _write_silently(here, device, address, rest[5 : 5 + size])
             rest = rest[5 + size :]
         return []
 
-    def _asked(self, servo: Servo, address: int, size: int) -> bytes | None:
+    def _read_status(self, servo: Servo, address: int, size: int) -> bytes | None:
         if servo.status_level < 1:
             return None
         try:
@@ -222,8 +224,8 @@ def _numbers(parameters: bytes) -> tuple[int, ...]:
     return unpack_from(f"<{len(parameters) // 2}H", parameters)
 
 
-def _quietly(here: list[Servo], device: int, address: int, data: bytes) -> None:
-    """Write to one servo of several; whether it can is not answered."""
+def _write_silently(here: list[Servo], device: int, address: int, data: bytes) -> None:
+    """Write to one of several servos, without an answer, also where it refuses."""
     for servo in here:
         if servo.id == device:
             try:

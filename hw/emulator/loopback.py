@@ -1,4 +1,4 @@
-"""A port that ends in an emulated bus in the same process: no line, no waiting, no chance."""
+"""A port connected to an emulated bus in the same process: no line, no waiting, no randomness."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from endolock.hw.errors import RESUME
 
 
 class Loopback:
-    """See `hw.port.Port`. What is not answered at once never is, so a time-out takes no time.
+    """A port without a line; see `port.Port`. Answers come at once or never: it never waits.
 
     Args:
-        bus: at the other end.
-        baud: of this end [1/s].
+        bus: the bus at the other end.
+        baud: baud rate of this end [1/s].
     """
 
     name = "loopback"
@@ -22,10 +22,10 @@ class Loopback:
         self._bus, self._baud = bus, baud
         self._coming = bytearray()
         self.plugged = True
-        """Whether there is anything at the other end."""
+        """Whether the bus is connected."""
 
     def open(self) -> None:
-        """Get hold of the bus; see `Port.open`."""
+        """Open it; see `Port.open`."""
         if not self.plugged:
             raise PortGone("loopback cannot be opened", "plug it in", t=0.0)
         self._coming.clear()
@@ -35,20 +35,20 @@ class Loopback:
         self._baud = baud
 
     def send(self, data: bytes) -> None:
-        """Write all bytes, and have them answered."""
+        """Send all bytes; the answers can then be received."""
         self._check()
         for answer in self._bus.respond(data, self._baud):
             self._coming += answer
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come."""
+        """Return what was received."""
         self._check()
         data = bytes(self._coming)
         self._coming.clear()
         return data
 
     def close(self) -> None:
-        """Let go of it."""
+        """Nothing to do."""
 
     def _check(self) -> None:
         if not self.plugged:

@@ -1,7 +1,7 @@
 """The emulator's end of a serial line: a pseudo-terminal that clients open like a port.
 
-A pty has no line: bytes arrive at once and whole, its baud rate is but a number, and root may open
-it however exclusive it is.
+A pty has no wire: bytes arrive at once and undamaged, its baud rate has no effect, and root can
+open it even if it is exclusive.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from endolock.hw.dynamixel.linux_port import baud_of
 
 
 class PtyLine:
-    """One line, plugged in when made.
+    """One line, plugged in from the start.
 
     Args:
-        link: symbolic link to make to the client's end, so that its name lasts; none if None.
+        link: symbolic link to the client's end, which gives it a fixed name; none if None.
 
     Raises:
         ConfigError: the link cannot be made.
     """
 
     path: str
-    """The client's end; the link, if there is one."""
+    """Path of the client's end: the link, if there is one."""
 
     def __init__(self, link: Path | None = None) -> None:
         self._link = link
@@ -45,26 +45,26 @@ class PtyLine:
 
     @property
     def plugged(self) -> bool:
-        """Whether clients can reach it."""
+        """Whether clients can open it."""
         return self._master >= 0
 
     @property
     def baud(self) -> int:
-        """Baud rate that the client has set [1/s]."""
+        """Baud rate set by the client [1/s]."""
         return baud_of(self._master)
 
     def fileno(self) -> int:
-        """For select and poll; -1 while unplugged."""
+        """Return the descriptor for select and poll; -1 while unplugged."""
         return self._master
 
     def plug_in(self) -> None:
-        """Make a new line; it has a new name, and the link leads to it."""
+        """Make a new line; it has a new name, and the link is set to it."""
         self.unplug()
         master, slave = os.openpty()
         tty.setraw(slave)
         os.set_blocking(master, False)
         self.path = self._name = os.ttyname(slave)
-        os.close(slave)  # the client's to open; while nobody has it, poll tells of a hang-up
+        os.close(slave)  # for the client to open; until then poll reports a hang-up
         self._master = master
         if self._link is not None:
             try:
@@ -75,20 +75,20 @@ class PtyLine:
             self.path = str(self._link)
 
     def unplug(self) -> None:
-        """Pull the plug: clients see a hang-up."""
+        """Unplug it: clients see a hang-up."""
         if self._master >= 0:
             os.close(self._master)
             self._master = -1
 
     def read(self) -> bytes:
-        """Return what has come; nothing where none has, or nobody has opened it."""
+        """Return the bytes received; none where nothing was sent or no client has opened it."""
         try:
             return os.read(self._master, 4096)
-        except OSError:  # nothing there, or no client
+        except OSError:  # nothing received, or no client
             return b""
 
     def write(self, data: bytes) -> None:
-        """Send to the client; lost where there is none, as on a wire."""
+        """Send to the client; without one the bytes are lost, as on a wire."""
         try:
             while data:
                 data = data[os.write(self._master, data) :]
@@ -96,7 +96,7 @@ class PtyLine:
             return
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for bytes; return whether there may be some. Without a client, just wait."""
+        """Wait for bytes; return whether there may be some. Without a client, only wait."""
         if self._master < 0:
             time.sleep(timeout_s)
             return False
@@ -107,11 +107,11 @@ class PtyLine:
         poll.register(self._master, select.POLLIN)
         if any(flags & select.POLLIN for _, flags in poll.poll(0)):
             return True
-        time.sleep(min(timeout_s, 0.005))  # nobody has it open, and nothing tells when
+        time.sleep(min(timeout_s, 0.005))  # no client has it open, and poll cannot wait for one
         return False
 
     def close(self) -> None:
-        """Unplug and remove the link, unless it leads elsewhere now; may be called twice."""
+        """Unplug and remove the link, unless it points elsewhere by now; may be called twice."""
         self.unplug()
         link, self._link = self._link, None
         if link is not None and link.is_symlink() and str(link.readlink()) == self._name:

@@ -1,10 +1,10 @@
-"""How an X-series servo behaves: control table, torque, watchdog, latched errors, reboot.
+"""Model of an X-series servo: control table, torque, watchdog, latched errors, reboot.
 
-What turns is behind `Motor`: the twin's handles, or anything else. The direct twin drives such
-servos without a bus, the emulator puts a bus in front of them; so both fail in the same ways.
+The mechanism is behind `Motor`: the twin's handles, or anything else. The direct twin drives these
+servos without a bus, the emulator through one; so both fail in the same ways.
 
 Reference:
-    ROBOTIS e-Manual, "XM430-W350". What it leaves open is assumed, and said so here.
+    ROBOTIS e-Manual, "XM430-W350". Behaviour that it does not specify is marked as assumed.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ XM430_W350 = 1020
 """Model number."""
 FIRMWARE = 45
 CENTRE = 2048
-"""Count of a motor whose angle is zero when it starts."""
+"""Position of a motor that starts at angle zero [counts]."""
 OVERLOAD_A, OVERLOAD_S = 1.0, 1.0
-"""A current above this for so long is an overload [A], [s]. Assumed: of a stall at 2.3 A."""
+"""A current above this for this time is an overload [A], [s]. Assumed: it stalls at 2.3 A."""
 LARGEST_WORD = 32767
 _MEASURED = Struct("<hii")
 _FACTORY: tuple[tuple[Register, int], ...] = (
@@ -55,7 +55,7 @@ _STARTED: tuple[tuple[Register, int], ...] = (
 )
 _READ_ONLY = (range(7), range(reg.REGISTERED.address, 71), range(120, 168))
 _GOALS = (range(100, 108), range(reg.GOAL_POSITION.address, 120))
-"""Read-only after a trip of the watchdog."""
+"""Read-only after the watchdog has tripped."""
 _RANGES: dict[Register, tuple[int, int]] = {
     reg.BAUD: (0, 7),
     reg.OPERATING_MODE: (0, 16),
@@ -68,7 +68,7 @@ _REACTING = {register.address: register for register in (*_RANGES, reg.HOMING_OF
 
 @lru_cache
 def _touched(address: int, size: int) -> tuple[Register, ...]:
-    """Registers that do something when these bytes are written."""
+    """Return the registers that react when these bytes are written."""
     return tuple(r for a, r in _REACTING.items() if address < a + r.size and address + size > a)
 
 
@@ -78,10 +78,10 @@ def _read_only(address: int, size: int) -> bool:
 
 
 class Refused(Exception):
-    """The device does not do it.
+    """The device refuses.
 
     Args:
-        why: goes into the error byte of its answer.
+        why: sent in the error byte of its answer.
     """
 
     def __init__(self, why: Refusal) -> None:
@@ -90,27 +90,27 @@ class Refused(Exception):
 
 
 class Motor(Protocol):
-    """What a servo turns."""
+    """The mechanism that a servo turns."""
 
     def measure(self) -> tuple[float, float, float]:
         """Return angle [rad], speed [rad/s] and current [A]."""
 
     def aim(self, angle_rad: float) -> None:
-        """Make that the goal."""
+        """Set the goal."""
 
     def power(self, on: bool) -> None:
-        """Switch torque; it comes on at the present angle."""
+        """Switch torque; the goal becomes the present angle."""
 
 
 class Servo:
     """One servo.
 
     Args:
-        motor: what it turns.
+        motor: the mechanism that it turns.
         device: its id.
-        now: its clock [s].
-        units: what its registers count in.
-        reboot_s: how long it answers nothing after a reboot or a power blip [s].
+        now: returns the time [s].
+        units: units of its registers.
+        reboot_s: time without answers after a reboot or a short loss of power [s].
         baud: its baud rate, one of `registers.BAUDS` [1/s].
     """
 
@@ -138,7 +138,7 @@ class Servo:
         self._overloaded: float | None = None
         self._registered: tuple[int, bytes] | None = None
         self._gathers: dict[tuple[int, int], Callable[[bytearray], Iterable[int]]] = {}
-        """What picks the indirect data at an address, so many bytes, from the table."""
+        """Functions that gather indirect data from the table, by address and size."""
         self._start(CENTRE)
 
     @property
@@ -153,17 +153,17 @@ class Servo:
 
     @property
     def return_delay_s(self) -> float:
-        """It waits so long before it answers [s]."""
+        """Delay before it answers [s]."""
         return 2e-6 * self._table[reg.RETURN_DELAY.address]
 
     @property
     def status_level(self) -> int:
-        """What it answers to: 0 ping, 1 reads too, 2 everything."""
+        """What it answers: 0 pings, 1 reads as well, 2 everything."""
         return self._table[reg.STATUS_LEVEL.address]
 
     @property
     def awake(self) -> bool:
-        """Whether it answers; not while it starts."""
+        """Whether it answers; false while it starts."""
         return self.now() >= self._started
 
     @property
@@ -173,20 +173,20 @@ class Servo:
 
     @property
     def trips_at(self) -> float:
-        """When the watchdog stops the motor unless something is heard before [s]; inf if never."""
+        """When the watchdog stops the motor unless a packet comes before [s]; inf if never."""
         units = self._signed(reg.WATCHDOG)
         if units <= 0 or not self._table[reg.TORQUE_ENABLE.address]:
             return inf
         return self._heard + units * reg.WATCHDOG_UNIT_S
 
     def watch(self) -> None:
-        """Let the watchdog stop the motor where it is, if its time has come."""
+        """Let the watchdog stop the motor if its time is over."""
         if self.now() > self.trips_at:
             self._store(reg.WATCHDOG, reg.TRIPPED)
             self._stop()
 
     def heard(self) -> None:
-        """Take note that a packet for this servo has come."""
+        """Restart the watchdog's time: a packet for this servo was received."""
         self.watch()
         self._heard = self.now()
 
@@ -194,7 +194,7 @@ class Servo:
         """Read registers.
 
         Raises:
-            Refused: there are none.
+            Refused: they do not exist.
         """
         if address + size > reg.END:
             raise Refused(Refusal.ACCESS)
@@ -205,7 +205,7 @@ class Servo:
             if gather is None:
                 offset = reg.INDIRECT_ADDRESS.address + 2 * (address - first)
                 words = unpack_from(f"<{size}H", self._table, offset)
-                # The first one twice: of one place alone an itemgetter returns no tuple.
+                # The first one twice: of a single index an itemgetter returns no tuple.
                 gather = self._gathers[address, size] = itemgetter(*words, words[0])
             try:
                 return bytes(gather(self._table))[:size]
@@ -217,7 +217,7 @@ class Servo:
         """Write registers.
 
         Raises:
-            Refused: they cannot be written, or not to these values.
+            Refused: they are read-only, or do not accept these values.
         """
         end = address + len(data)
         if end > reg.END:
@@ -232,31 +232,31 @@ class Servo:
         tripped = self._signed(reg.WATCHDOG) == reg.TRIPPED
         if tripped and any(address < r.stop and end > r.start for r in _GOALS):
             raise Refused(Refusal.DATA_RANGE)
-        wanted = {r: self._part(r, address, data) for r in touched}
-        for register, value in wanted.items():
+        values = {r: self._part(r, address, data) for r in touched}
+        for register, value in values.items():
             low, high = _RANGES.get(register, (-(2**31), 2**31))
             if not low <= value <= high:
                 raise Refused(Refusal.DATA_RANGE)
-        if reg.GOAL_POSITION in wanted:
-            self._check_goal(wanted[reg.GOAL_POSITION])
-        if reg.TORQUE_ENABLE in wanted and wanted[reg.TORQUE_ENABLE] and self._shut_down:
+        if reg.GOAL_POSITION in values:
+            self._check_goal(values[reg.GOAL_POSITION])
+        if reg.TORQUE_ENABLE in values and values[reg.TORQUE_ENABLE] and self._shut_down:
             raise Refused(Refusal.ACCESS)
         self._table[address:end] = data
         if address < reg.INDIRECT_DATA.address and end > reg.INDIRECT_ADDRESS.address:
             self._gathers.clear()
-        for register, value in wanted.items():
+        for register, value in values.items():
             self._react(register, value)
 
     def register(self, address: int, data: bytes) -> None:
-        """Keep a write until `act`."""
+        """Store a write until `act`."""
         self._registered = address, data
         self._store(reg.REGISTERED, 1)
 
     def act(self) -> None:
-        """Do what was kept.
+        """Carry out the stored write.
 
         Raises:
-            Refused: nothing was, or it cannot be written.
+            Refused: there is none, or it cannot be written.
         """
         if self._registered is None:
             raise Refused(Refusal.INSTRUCTION)
@@ -265,7 +265,7 @@ class Servo:
         self.write(*kept)
 
     def reboot(self) -> None:
-        """Start anew: torque off, all but the EEPROM forgotten, whole turns too."""
+        """Restart: torque off; all but the EEPROM is reset, whole turns too."""
         self._start(self._within_a_turn())
         self._started = self.now() + self.reboot_s
 
@@ -273,11 +273,11 @@ class Servo:
         """Latch a hardware error.
 
         Raises:
-            ValueError: no hardware error is of that kind.
+            ValueError: that kind is not a hardware error.
         """
         bits = [bit for bit, (name, *_) in reg.HARDWARE_ERRORS.items() if name == kind]
         if not bits:
-            raise ValueError(f"{kind} is no hardware error")
+            raise ValueError(f"{kind} is not a hardware error")
         self._table[reg.HARDWARE_ERROR.address] |= bits[0]
         if self._shut_down:
             self._torque(False)
@@ -293,7 +293,7 @@ class Servo:
             self._store(register, value)
         for first in (reg.INDIRECT_ADDRESS.address, 578):
             data = {168: 224, 578: 634}[first]
-            for n in range(28):  # each points to its own place
+            for n in range(28):  # each points to its own address
                 self._store(Register(first + 2 * n, 2), data + n)
         self._gathers.clear()
         self._heard = self.now()
@@ -315,7 +315,7 @@ class Servo:
             self._offset = value
 
     def _check_goal(self, counts: int) -> None:
-        """See that a goal may be set: in position mode within its limits."""
+        """Check a goal: in position mode it must be within the limits."""
         if self._table[reg.OPERATING_MODE.address] == 3:
             low, high = self._signed(reg.MIN_POSITION), self._signed(reg.MAX_POSITION)
             if not low <= counts <= high:

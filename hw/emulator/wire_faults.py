@@ -1,6 +1,6 @@
-"""What can go wrong on a wire and in a motor, on purpose: for tests and for trying one's own code.
+"""Faults of a wire and of motors on purpose, to test the drivers and one's own code.
 
-A fault is written KIND=SHARE where it strikes packets by chance, KIND:MOTOR@SECONDS where it
+A fault is written KIND=SHARE where it affects packets at random, KIND:MOTOR@SECONDS where it
 happens once; see `parse`.
 """
 
@@ -15,11 +15,11 @@ from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.packets import HEADER, Instruction
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 
-BY_CHANCE = ("drop", "flip", "duplicate", "insert", "truncate", "late", "lost")
-"""One byte of a packet gone, wrong, double or too many; its end gone; an answer that comes only
-with the next ones; a goal that never arrives."""
+RANDOM = ("drop", "flip", "duplicate", "insert", "truncate", "late", "lost")
+"""One byte of a packet missing, wrong, doubled or added; its end missing; an answer delayed until
+the next ones; a goal that never arrives."""
 ONCE = ("reset", "overload", "overheat", "voltage", "encoder", "silence", "unplug")
-"""A motor that starts anew, or latches a hardware error; a line that is silent, or unplugged."""
+"""A motor that restarts, or latches a hardware error; a line that is silent, or unplugged."""
 _FORM = re.compile(
     r"(?P<kind>[a-z]+)(:(?P<motor>\d+))?(=(?P<share>[\d.]+))?(@(?P<at>[\d.]+))?(\+(?P<lasts>[\d.]+))?"
 )
@@ -30,27 +30,27 @@ class WireFault:
     """One fault."""
 
     kind: str
-    """Of `BY_CHANCE` or `ONCE`."""
+    """One of `RANDOM` or `ONCE`."""
     share: float = 0.0
-    """Of packets that it strikes by chance [1]."""
+    """Fraction of packets that it affects at random [1]."""
     at_s: float = 0.0
-    """When it happens, or begins to [s]."""
+    """When it happens or begins [s]."""
     lasts_s: float = 0.0
-    """How long a silence or an unplugging lasts [s]; 0: for good."""
+    """Duration of a silence or an unplugging [s]; 0: without end."""
     motor: int = 0
-    """Id of the motor it strikes."""
+    """Id of the motor concerned."""
 
 
 def parse(text: str) -> WireFault:
     """Read a fault, such as flip=0.05, reset:2@5, or silence@3+0.5.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: not a fault.
     """
     found = _FORM.fullmatch(text)
     kind = found["kind"] if found else ""
     try:
-        if found and kind in BY_CHANCE and 0 < float(found["share"]) <= 1 and not found["motor"]:
+        if found and kind in RANDOM and 0 < float(found["share"]) <= 1 and not found["motor"]:
             return WireFault(kind=kind, share=float(found["share"]), at_s=float(found["at"] or 0))
         if found and kind in ONCE and not found["share"]:
             return WireFault(
@@ -63,19 +63,19 @@ def parse(text: str) -> WireFault:
         pass
     raise ConfigError(
         f"fault '{text}' is unknown",
-        f"use {', '.join(BY_CHANCE)} as in flip=0.05, or "
+        f"use {', '.join(RANDOM)} as in flip=0.05, or "
         f"{', '.join(ONCE)} as in reset:2@5 or silence@3+0.5",
     )
 
 
 class FaultyBus:
-    """An emulated bus whose wire does not keep what it is given.
+    """An emulated bus with a faulty wire.
 
     Args:
-        bus: what is behind the wire.
-        now: the time [s].
+        bus: the bus behind the wire.
+        now: returns the time [s].
         faults: what goes wrong.
-        seed: of chance.
+        seed: of the random numbers.
     """
 
     def __init__(
@@ -95,21 +95,21 @@ class FaultyBus:
             self.add(fault)
         self._held: list[bytes] = []
         self.struck = 0
-        """Packets that chance has struck so far."""
+        """Number of packets changed at random so far."""
 
     def respond(self, data: bytes, baud: int | None = None) -> list[bytes]:
-        """Take bytes in, return answers; see `EmulatedBus.respond`."""
+        """Take bytes from the host, return the answers; see `EmulatedBus.respond`."""
         self.happen()
         if self._silent():
             return []
-        arrived = b"".join(self._spoilt(packet, request=True) for packet in _packets(data))
+        arrived = b"".join(self._damaged(packet, request=True) for packet in _packets(data))
         answers = self._bus.respond(arrived, baud)
         now, self._held = self._held, []
-        return now + [self._spoilt(answer, request=False) for answer in answers]
+        return now + [self._damaged(answer, request=False) for answer in answers]
 
     def add(self, fault: WireFault) -> None:
-        """Let one more thing go wrong; to unplug is not the wire's."""
-        if fault.kind in BY_CHANCE:
+        """Add a fault; unplugging is left to the line."""
+        if fault.kind in RANDOM:
             self._chances.append(fault)
         elif fault.kind == "silence":
             self._silences.append(fault)
@@ -117,18 +117,18 @@ class FaultyBus:
             self._pending = sorted([*self._pending, fault], key=lambda f: f.at_s)
 
     def mend(self) -> None:
-        """Let nothing more go wrong."""
+        """Remove all faults."""
         for faults in (self._chances, self._silences, self._pending, self._held):
             faults.clear()
 
     def happen(self) -> None:
-        """Let what is due to happen to a motor happen."""
+        """Apply the faults of motors that are due."""
         while self._pending and self._pending[0].at_s <= self._now():
             fault = self._pending.pop(0)
             self.strike(fault.kind, fault.motor)
 
     def strike(self, kind: str, motor: int) -> None:
-        """Let something happen to a motor now: reset, or a hardware error by name."""
+        """Apply a fault to a motor now: reset, or a hardware error by name."""
         for servo in self.servos:
             if servo.id == motor and kind == "reset":
                 servo.reboot()
@@ -141,7 +141,7 @@ class FaultyBus:
             f.at_s <= now and (not f.lasts_s or now < f.at_s + f.lasts_s) for f in self._silences
         )
 
-    def _spoilt(self, packet: bytes, *, request: bool) -> bytes:
+    def _damaged(self, packet: bytes, *, request: bool) -> bytes:
         for fault in self._chances:
             if self._now() < fault.at_s or self._random.random() >= fault.share:
                 continue
@@ -156,8 +156,8 @@ class FaultyBus:
     def _strike_packet(self, kind: str, packet: bytes) -> bytes:
         if not packet:
             return packet
-        place = self._random.randrange(len(packet))
-        before, byte, after = packet[:place], packet[place : place + 1], packet[place + 1 :]
+        index = self._random.randrange(len(packet))
+        before, byte, after = packet[:index], packet[index : index + 1], packet[index + 1 :]
         if kind == "drop":
             return before + after
         if kind == "flip":
@@ -177,6 +177,6 @@ _SYNC_WRITE = bytes((Instruction.SYNC_WRITE,))
 
 
 def _packets(data: bytes) -> list[bytes]:
-    """Cut a stream before each header."""
+    """Split a stream before each header."""
     first, *rest = data.split(HEADER)
     return [part for part in (first, *(HEADER + part for part in rest)) if part]

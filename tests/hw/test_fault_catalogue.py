@@ -101,7 +101,7 @@ CATALOGUE = {
         lambda b: b.wire.strike("reset", 2),
         DeviceFault,
         r"^handle motor 2 \(left_right\) has restarted: its power was off for a moment, or "
-        r"somebody rebooted it; check plug and supply, " + AGAIN,
+        r"it was rebooted; check plug and supply, " + AGAIN,
         "left_right",
         "reset",
     ),
@@ -304,8 +304,8 @@ def test_a_homing_offset_is_refused() -> None:
     bench = Emulated()
     bench.bus.write(1, reg.HOMING_OFFSET, 512)
     text = (
-        r"^handle motor 1 \(up_down\) has a homing offset of 512 counts, with which its watchdog "
-        r"would let it creep; set it to 0 with endolock doctor --port PORT --set-up"
+        r"^handle motor 1 \(up_down\) has a homing offset of 512 counts, with which it "
+        r"would creep after its watchdog has stopped it; set it to 0, and its zero again, with "
     )
     with pytest.raises(StateError, match=text) as caught:
         bench.guard.connect()

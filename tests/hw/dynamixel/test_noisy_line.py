@@ -10,7 +10,7 @@ from tests.hw.emulated import PERIOD_S, STEP_RAD, Emulated
 
 from endolock.hw.api import Command, State
 from endolock.hw.dynamixel import registers as reg
-from endolock.hw.emulator.wire_faults import BY_CHANCE, WireFault
+from endolock.hw.emulator.wire_faults import RANDOM, WireFault
 from endolock.hw.guard import Guard, GuardSettings
 
 CYCLES = 2000
@@ -63,7 +63,7 @@ def _angles(counts: list[int]) -> tuple[float, ...]:
     return tuple((c - 2048) * STEP_RAD for c in counts)
 
 
-@pytest.mark.parametrize("kinds", [*((kind,) for kind in BY_CHANCE), BY_CHANCE])
+@pytest.mark.parametrize("kinds", [*((kind,) for kind in RANDOM), RANDOM])
 @pytest.mark.parametrize("period_s", [PERIOD_S, 0.005])
 def test_nothing_wrong_is_believed(kinds: tuple[str, ...], period_s: float) -> None:
     bench = Emulated(seed=7)

@@ -123,7 +123,7 @@ def test_torque_that_somebody_else_switched_off_is_told() -> None:
         guard.enable()
         bench.follow(3)
         bench.servos[1].write(reg.TORQUE_ENABLE.address, b"\x00")
-        text = r"^handle motor 2 \(left_right\) was switched off by somebody else; check plug and"
+        text = r"^handle motor 2 \(left_right\) was switched off by another program; check plug and"
         with pytest.raises(HardwareError, match=text):
             bench.follow(1)
 

@@ -136,7 +136,7 @@ def test_which_errors_switch_torque_off_can_be_chosen(one: One) -> None:
 
 
 def test_what_is_no_hardware_error_cannot_be_latched(one: One) -> None:
-    with pytest.raises(ValueError, match=r"^watchdog is no hardware error$"):
+    with pytest.raises(ValueError, match=r"^watchdog is not a hardware error$"):
         one.servo.fail("watchdog")
 
 
