@@ -101,10 +101,9 @@ def check(found: CableFit, instrument: Instrument, wanted: set[str]) -> None:
 TIGHT = {"mu_wrap", "mu_section", "k_over_K", "pretension_over_K"}
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_two_twins_are_found(seed: int) -> None:
-    twin = random_twin(seed)
-    check(fit(log_of(twin, seed), Geometry()), twin, TIGHT)
+def test_a_twin_is_found() -> None:
+    twin = random_twin(0)
+    check(fit(log_of(twin, 0), Geometry()), twin, TIGHT)
 
 
 @pytest.mark.slow
@@ -114,7 +113,7 @@ def test_ten_twins_are_found(seed: int) -> None:
     check(fit(log_of(twin, seed), Geometry()), twin, TIGHT)
 
 
-@pytest.mark.parametrize("missing", [0.03, 0.1, 0.25])
+@pytest.mark.parametrize("missing", [pytest.param(0.03, marks=pytest.mark.slow), 0.1, 0.25])
 def test_a_log_may_begin_anywhere(missing: float) -> None:
     """In the first stroke out, in the one back, and after it; the model begins at rest."""
     twin, whole = random_twin(0), log_of(random_twin(0), 0)
@@ -126,7 +125,8 @@ def test_a_log_may_begin_anywhere(missing: float) -> None:
 
 def test_a_geometry_that_is_not_its_determines_nothing() -> None:
     """With 10 hinges instead of 12 k/K comes out 17 % too small, and the misfit shows."""
-    found = fit(log_of(random_twin(2), 2), Geometry(hinges=10))
+    whole = log_of(random_twin(2), 2, tensions=True)  # which another test has recorded
+    found = fit(HandleLog(whole.t, whole.handle, whole.bend), Geometry(hinges=10))
     assert found.misfit
     assert not any(p.determined for p in found.params.values())
 

@@ -28,7 +28,13 @@ def _alone(cable: Cable, handle: Vector, hinges: int = 12) -> tuple[Vector, Vect
     return simulate(cable, Geometry(hinges=hinges), handle, still_there, still_there)
 
 
-@pytest.mark.parametrize("name", instrument_files.names())
+OTHERS = sorted({*instrument_files.names()} - {"slack", "two_region"})
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["slack", "two_region", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)],
+)
 def test_a_twin_of_fewer_hinges_moves_alike(name: str) -> None:
     """With those of `fast`; the usual number is one of the checks of the model card."""
     instrument, numerics = instrument_files.load(name), NUMERICS["fast"]

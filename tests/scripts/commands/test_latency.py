@@ -7,7 +7,7 @@ import pytest
 from endolock.scripts import cli
 
 
-@pytest.mark.parametrize("latency_s", [0.1, 0.33])
+@pytest.mark.parametrize("latency_s", [pytest.param(0.1, marks=pytest.mark.slow), 0.33])
 def test_the_latency_is_found_within_5_ms(
     latency_s: float, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -47,7 +47,7 @@ def test_nothing_moves_at_rest(numerics: Numerics) -> None:
     assert tensions == pytest.approx([tensions[0]] * 8, rel=1e-9)
 
 
-@pytest.mark.parametrize("gravity", [False, True])
+@pytest.mark.parametrize("gravity", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("numerics", NUMERICS.values(), ids=NUMERICS)
 @pytest.mark.parametrize("name", instrument_files.names())
 def test_a_minute_of_random_drive_raises_no_warning(
