@@ -19,7 +19,7 @@ from endolock.hw.api import Command, Vector
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import Answer, experiment
+from endolock.scripts.studies.answers import Answer, experiment
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario
 from endolock.twin.world.instrument import Instrument

@@ -10,7 +10,7 @@ from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import NO_FRICTION, Answer, experiment
+from endolock.scripts.studies.answers import NO_FRICTION, Answer, experiment
 
 WIDTHS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 

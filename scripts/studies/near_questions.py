@@ -14,7 +14,7 @@ from endolock.scripts.runs import batch
 from endolock.scripts.runs.batch import Done
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies.questions import NO_FRICTION, Answer, experiment
+from endolock.scripts.studies.answers import NO_FRICTION, Answer, experiment
 
 DISTANCES_M = (0.015, 0.03, 0.06, 0.12)
 

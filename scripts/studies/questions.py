@@ -9,47 +9,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from endolock.hw.api import ConfigError
 from endolock.scripts import cli
-from endolock.scripts.runs.experiment import Experiment
-
-NO_FRICTION = ("no_hysteresis",)
-DURATION_S, SCORED_FROM_S = 45.0, 17.2
-"""Two complete strokes to settle, then more than three that are scored [s]."""
-
-
-class Answer(NamedTuple):
-    """The answer to one question."""
-
-    table: str
-    """Markdown."""
-    draw: Callable[[Any], None]
-    """Draws the figure into one Matplotlib panel."""
-
-
-def experiment(scenario: str, controller: str, *changes: str) -> Experiment:
-    """Describe one run."""
-    return Experiment(
-        scenario=scenario,
-        controller=controller,
-        vision="truth",
-        vary=changes,
-        duration_s=DURATION_S,
-        scored_from_s=SCORED_FROM_S,
-        force=True,
-    )
+from endolock.scripts.studies import linear_questions, loop_questions, near_questions
+from endolock.scripts.studies.answers import Answer
 
 
 def questions() -> dict[str, Callable[[], Answer]]:
     """Return all questions by name."""
-    from endolock.scripts.studies import (  # they import this module
-        linear_questions,
-        loop_questions,
-        near_questions,
-    )
-
     return {
         "process": linear_questions.process,
         "limit_cycle": linear_questions.limit_cycle,
