@@ -29,6 +29,7 @@ from rich.table import Table
 from rich.text import Text
 
 from endolock.hw.api import Calibration, ConfigError, Frame
+from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.runs import output
 
 LISTED = Path(__file__).resolve().parents[3] / "requirements.txt"
@@ -60,20 +61,6 @@ class Request:
     zeros: straighten the endoscope first."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the findings there as JSON; - prints them, and nothing else, on standard output."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What one check found."""
-
-    name: str
-    """Of the check."""
-    ok: bool
-    """Whether all is well."""
-    text: str
-    """What was found."""
-    advice: str = ""
-    """What to do next; empty if all is well."""
 
 
 Sights = list[tuple[Frame, Calibration]]

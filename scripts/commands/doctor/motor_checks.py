@@ -16,7 +16,7 @@ from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Instruction, Parser, encode
 from endolock.hw.dynamixel.port import BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
-from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.finding import Finding
 
 SEARCHES_S = (0.15, 0.8)
 """So long a search waits for answers at each baud rate [s]: the second one where the first found

@@ -16,7 +16,7 @@ from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.port import BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_setup import RESTART_S
-from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
     ANSWER_S,
     MODELS,

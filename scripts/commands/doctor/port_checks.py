@@ -14,7 +14,7 @@ from pathlib import Path
 from endolock.hw.api import EndolockError
 from endolock.hw.dynamixel.port import BAUD, BY_ID, Port, serial_port
 from endolock.scripts.commands.doctor import motor_checks
-from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
     SEARCHES_S,
     FoundMotor,

@@ -15,6 +15,7 @@ from rich.console import Console
 from endolock.hw.api import ConfigError
 from endolock.hw.camera import video_camera
 from endolock.scripts.commands.doctor import examination
+from endolock.scripts.commands.doctor.finding import Finding
 
 NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "video", "versions"]
 
@@ -97,7 +98,7 @@ def test_a_list_that_differs_from_what_is_installed_is_reported(tmp_path: Path) 
     assert finding.text == f"{numpy}; no-such-package missing, listed ==3.1"
     assert "--no-deps -r" in finding.advice
     listed.write_text(f"rich=={rich}\nnumpy==2.0.0 ; python_version < '3.0'\n")
-    assert examination.versions(listed) == examination.Finding(
+    assert examination.versions(listed) == Finding(
         "versions", True, "all 1 as listed in requirements.txt"
     )
 
@@ -130,9 +131,7 @@ def test_an_hour_of_runs_must_fit(free_gb: float, ok: bool) -> None:
 def test_video_devices_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     there = ["/dev/video0 (Grabber)", "/dev/video2"]
     monkeypatch.setattr(video_camera, "devices", lambda: there)
-    assert examination.video() == examination.Finding(
-        "video", True, "/dev/video0 (Grabber), /dev/video2"
-    )
+    assert examination.video() == Finding("video", True, "/dev/video0 (Grabber), /dev/video2")
     there.clear()
     assert examination.video().text == "none; the twin needs none"
 
@@ -142,9 +141,7 @@ def test_the_table_keeps_every_word_within_80_columns() -> None:
     text = "[Errno 13] permission denied:\n/dev/" + 100 * "x"
     console = Console(width=80, color_system=None)
     with console.capture() as capture:
-        console.print(
-            examination.table([examination.Finding("serial", False, text, "join [dialout]")])
-        )
+        console.print(examination.table([Finding("serial", False, text, "join [dialout]")]))
     lines = capture.get().splitlines()
     assert all(len(line) <= 80 for line in lines)
     told = "".join(line[len("serial  FAILS  ") :].strip() for line in lines)

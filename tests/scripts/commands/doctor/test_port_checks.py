@@ -29,7 +29,7 @@ from endolock.scripts.commands.doctor import (
     motor_setup,
     port_checks,
 )
-from endolock.scripts.commands.doctor.examination import Finding
+from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.motor_checks import FoundMotor
 
 pytestmark = pytest.mark.wall_time
