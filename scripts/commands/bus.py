@@ -1,4 +1,4 @@
-"""`endolock bus`: what went over the line in a run, and the run replayed from it."""
+"""`endolock bus`: decode the bytes on the line in a run, and replay the run from them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Request:
 
 
 def main(request: Request) -> int:
-    """Carry out `endolock bus`; return the exit code: 2 where the replay sends something else."""
+    """Carry out `endolock bus`; return the exit code: 2 where the replay sends different bytes."""
     output.check_json(request.json)
     console = Console(highlight=False)
     if request.packets and request.json != "-":
@@ -49,8 +49,8 @@ def main(request: Request) -> int:
     output.write_json(record, request.json)
     if request.json != "-":
         counts = ", ".join(f"{n} {name}" for name, n in record["packets"].items())
-        told = f"{record['exchanges']} exchanges in {record['duration_s']:.2f} s: {counts}"
-        console.print(told, soft_wrap=True)
+        text = f"{record['exchanges']} exchanges in {record['duration_s']:.2f} s: {counts}"
+        console.print(text, soft_wrap=True)
         console.print(
             f"{record['damaged']} packets damaged, {record['unanswered']} cycles not fully answered"
         )
@@ -67,7 +67,7 @@ def perform(folder: Path) -> dict[str, Any]:
     """Decode and replay the log of a run.
 
     Raises:
-        ConfigError: the folder holds no such run.
+        ConfigError: the folder has no log of a line.
     """
     records = list(bus_log.read(folder / run_folder.BUS_LOG))
     exchanges = list(bus_log.exchanges(records))
@@ -79,10 +79,10 @@ def perform(folder: Path) -> dict[str, Any]:
     port = ReplayPort(exchanges)
     readings = list(_replay(port, exchanges, run_folder.configuration(folder)))
     ticks = run_folder.read(folder, "ticks")
-    told = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
-    # The line says more than the ticks do: what was read while enabling, and after the last row.
+    logged = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
+    # The line also has the readings while enabling, and those after the last row.
     replayed = {(reading.t, reading.position) for reading in readings}
-    equal = sum((t, tuple(position)) in replayed for t, position in told)
+    equal = sum((t, tuple(position)) in replayed for t, position in logged)
     return {
         "exchanges": len(exchanges),
         "duration_s": records[-1].t - records[0].t if records else 0.0,
@@ -96,14 +96,19 @@ def perform(folder: Path) -> dict[str, Any]:
     }
 
 
-def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -> Iterator[Reading]:
-    """Play a log through the drivers that wrote it; yield what each cycle told."""
+def _replay(
+    port: ReplayPort, exchanges: list[Exchange], configuration: dict[str, Any]
+) -> Iterator[Reading]:
+    """Replay a log through the drivers that wrote it; yield the reading of each cycle."""
     try:
-        line = told["line"]
+        line = configuration["line"]
         handles = {axis: Handle.model_validate(line["handle"][axis]) for axis in AXES}
         units = TypeAdapter(Units).validate_python(line["units"])
     except (KeyError, ValueError) as error:
-        raise ConfigError(f"run.toml tells of no line ({error})", "give a run of a bus") from None
+        raise ConfigError(
+            f"run.toml does not describe a line ({error})",
+            "give a run with --rig hil or serial:PORT",
+        ) from None
     names = {handle.id: axis for axis, handle in handles.items()}
     drive = ServoDrive(Bus(port, port, names), port, handles, units)
     while port.index < len(exchanges):
@@ -118,15 +123,15 @@ def _replay(port: ReplayPort, exchanges: list[Exchange], told: dict[str, Any]) -
             elif kind == Instruction.WRITE and data.startswith(_DISABLING):
                 drive.torque(False)
             else:
-                port.index += 1  # of setting up
+                port.index += 1  # of the set-up
         except DeviceFault:
             drive.hold()  # as the guard did
         except HardwareError:
-            continue  # told in the run, too
+            continue  # raised in the run, too
 
 
 _ENABLING = pack("<H", reg.INDIRECT_ADDRESS.address)
-"""Before torque comes on it is seen that a motor has not restarted."""
+"""First request of enabling: whether a motor has restarted."""
 _DISABLING = pack("<H", reg.TORQUE_ENABLE.address) + b"\x00"
 
 
@@ -137,12 +142,12 @@ def _goals(request: list[Packet], drive: ServoDrive) -> tuple[float, ...] | None
 
 
 def lines(folder: Path) -> Iterator[str]:
-    """Yield one line for each packet: time, way, what it is."""
+    """Yield one line for each packet: time, direction, content."""
     parsers = {False: Parser(), True: Parser()}
     for record in bus_log.read(folder / run_folder.BUS_LOG):
         for packet in parsers[record.came_in].feed(record.data):
-            way = "<" if record.came_in else ">"
-            yield f"{record.t:10.6f} {way} {_text(packet)}"
+            arrow = "<" if record.came_in else ">"
+            yield f"{record.t:10.6f} {arrow} {_text(packet)}"
 
 
 def _text(packet: Packet) -> str:
@@ -150,8 +155,8 @@ def _text(packet: Packet) -> str:
     data = packet.parameters
     if packet.instruction == Instruction.STATUS and len(data) == 1 + reg.BLOCK_SIZE:
         block = reg.unpack(data[1:])
-        told = ", ".join(f"{k} {v}" for k, v in block._asdict().items())
-        return f"{who} block, error {data[0]:#04x}: {told}"
+        values = ", ".join(f"{k} {v}" for k, v in block._asdict().items())
+        return f"{who} block, error {data[0]:#04x}: {values}"
     if packet.instruction == Instruction.SYNC_WRITE and len(data) >= 4:
         address, size = unpack_from("<HH", data)
         if (address, size) == reg.GOAL_POSITION and not (len(data) - 4) % 5:

@@ -23,36 +23,36 @@ from endolock.twin.world.instrument import NUMERICS
 class Request:
     """Emulate two Dynamixel X-series servos, ids 1 and 2, on a pseudo-terminal, until Ctrl-C.
 
-    Whatever opens it, such as endolock run --rig serial:PATH or a script of the vendor's library,
-    finds motors that turn the handles of a simulated endoscope.
+    A program that opens it, such as endolock run --rig serial:PATH or a script with the vendor's
+    library, finds motors that turn the handles of a simulated endoscope.
     """
 
     link: tyro.conf.DisallowNone[Path | None] = None
-    """Name for the line, a symbolic link that is replaced; else /dev/pts/N, which is printed."""
+    """Name of the line, a symbolic link that is replaced; default: /dev/pts/N, which is printed."""
     baud: int = BAUD
-    """Baud rate the servos are set to; clients with another one are not understood."""
+    """Baud rate of the servos; clients with a different one get no answer."""
     paced: bool = True
-    """Answer as slowly as a wire would; --no-paced: at once."""
+    """Answer at the speed of a wire; --no-paced: at once."""
     fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """What goes wrong, may be given several times: drop, flip, duplicate, insert, truncate, late or
-    lost as in flip=0.05 (share of packets); reset, overload, overheat, voltage or encoder as in
-    reset:2@5 (motor, seconds); silence or unplug as in unplug@3+1 (for so long)."""
+    """A fault, can be given several times: drop, flip, duplicate, insert, truncate, late or lost
+    as in flip=0.05 (fraction of packets); reset, overload, overheat, voltage or encoder as in
+    reset:2@5 (motor, seconds); silence or unplug as in unplug@3+1 (seconds, duration)."""
     video: tyro.conf.DisallowNone[int | None] = None
-    """Serve what the tip camera sees, 0.4 s late, as Motion JPEG on this TCP port of this machine;
-    the camera's source in bench.toml is then http://127.0.0.1:PORT/."""
+    """Serve the picture of the tip camera, 0.4 s late, as Motion JPEG on this TCP port of this
+    machine; the source of the camera in bench.toml is then http://127.0.0.1:PORT/."""
     scenario: str = "rest"
-    """With video: how the board in front of the camera moves, as for run."""
+    """With --video: motion of the board in front of the camera, as for run."""
     instrument: str = "pretensioned"
     """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
     seed: int = 0
-    """Of what goes wrong by chance."""
+    """Seed of the random faults."""
 
 
 def main(request: Request) -> int:
     """Carry out `endolock emulator`; return the exit code."""
     if request.baud not in BAUDS:
         known = ", ".join(map(str, BAUDS))
-        raise ConfigError(f"baud {request.baud} is none of a servo's", f"use {known}")
+        raise ConfigError(f"the servos do not support baud {request.baud}", f"use {known}")
     if request.seed < 0:
         raise ConfigError(f"seed {request.seed}", "use a whole number, 0 or more")
     setup = Setup(

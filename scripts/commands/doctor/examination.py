@@ -1,4 +1,4 @@
-"""`endolock doctor`: does everything work here, and what to do where it does not.
+"""`endolock doctor`: checks whether everything works here, and says what to do if not.
 
 Every check tries the thing itself: it draws a picture, finds the markers in it, reads a recording
 back. What a check needs it imports itself, so a package that cannot be loaded is one red line.
@@ -33,16 +33,16 @@ from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.runs import output
 
 LISTED = Path(__file__).resolve().parents[3] / "requirements.txt"
-"""The version list; it lies beside the sources and is not installed with them."""
+"""The version list; it is beside the sources and not installed with them."""
 MB_PER_MIN = 35.0
 """Growth of a run folder with pictures [MB/min]; measured by `endolock benchmark`, rounded up."""
 DRAWINGS = 20
 OURS = Path(sys.prefix) == LISTED.parent / ".venv"
 PIP = "./run pip install" if OURS else f"{shlex.quote(sys.executable)} -m pip install"
-"""How to install something where we run."""
+"""Command that installs a package in this environment."""
 LIST = LISTED.name if OURS else shlex.quote(str(LISTED))
 ALL = f"{PIP} --no-deps -r {LIST}" if LISTED.is_file() else "reinstall endolock"
-"""How to install everything again."""
+"""Command that installs all packages again."""
 OPENGL = (
     "unset MUJOCO_GL and MUJOCO_EGL_DEVICE_ID, or apt install libegl1 libgl1 (Debian and Ubuntu)"
 )
@@ -50,28 +50,28 @@ OPENGL = (
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Try everything endolock needs of this machine, and say what to do where it fails."""
+    """Test everything that endolock needs on this machine, and say what to do where it fails."""
 
     port: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="PORT")] = None
-    """Open this serial port too, best one of /dev/serial/by-id, and look for the motors on it, at
+    """Open this serial port too, preferably one in /dev/serial/by-id, and look for motors on it at
     every baud rate; they neither move nor change. Without it no port is opened."""
     set_up: bool = False
     """With --port: set the two motors on it up, and write bench.toml here. They relax and restart;
     return delay and homing offset become 0, the baud rate 1000000, and the present positions their
     zeros: straighten the endoscope first."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the findings there as JSON; - prints them, and nothing else, on standard output."""
+    """Write the findings to this file as JSON; - prints only them on standard output."""
 
 
 Sights = list[tuple[Frame, Calibration]]
-"""Where the picture is left for the check that looks at it, with the geometry of its camera."""
+"""The picture for the check that looks at it, with the geometry of its camera."""
 
 
 def main(request: Request) -> int:
-    """Carry out `endolock doctor`; return 0 if all is well, else 2.
+    """Carry out `endolock doctor`; return 0 if all checks passed, else 2.
 
     Raises:
-        ConfigError: the JSON or the bench file cannot be written; nothing was tried.
+        ConfigError: the JSON or the bench file cannot be written; nothing was checked.
     """
     output.check_json(request.json)
     console = Console(stderr=True)
@@ -91,7 +91,7 @@ def main(request: Request) -> int:
 
 
 def examine(console: Console, request: Request) -> list[Finding]:
-    """Carry out all checks in turn, showing on the console which one is under way."""
+    """Carry out all checks in turn; the console shows the present one."""
     sights: Sights = []
     checks: tuple[tuple[str, Callable[[], Finding], str], ...] = (
         ("python", python, "install Python 3.11 or newer"),
@@ -115,7 +115,7 @@ def examine(console: Console, request: Request) -> list[Finding]:
 
 
 def attempt(name: str, check: Callable[[], Finding], advice: str) -> Finding:
-    """Carry out one check; whatever it raises becomes a finding, with this advice."""
+    """Carry out one check; an error becomes a finding, with this advice."""
     try:
         return check()
     except ModuleNotFoundError as error:
@@ -127,7 +127,7 @@ def attempt(name: str, check: Callable[[], Finding], advice: str) -> Finding:
 
 
 def python() -> Finding:
-    """Compare this Python with the one asked for; name the platform."""
+    """Compare this Python with the required version; name the platform."""
     wanted = SpecifierSet(metadata_of("endolock")["Requires-Python"])
     ok = wanted.contains(platform.python_version(), prereleases=True)
     text = f"{platform.python_version()}, {platform.platform(terse=True)}"
@@ -135,7 +135,7 @@ def python() -> Finding:
 
 
 def mujoco_() -> Finding:
-    """Load MuJoCo, which loads OpenGL, and compare its version with the one asked for."""
+    """Load MuJoCo, which loads OpenGL, and compare its version with the required one."""
     import mujoco
 
     advice = _upgrade("mujoco", mujoco.__version__)
@@ -143,7 +143,7 @@ def mujoco_() -> Finding:
 
 
 def picture(sights: Sights) -> Finding:
-    """Draw the scene of the twin as its tip camera sees it; leave the picture in `sights`."""
+    """Draw the scene of the twin as its tip camera sees it; append the picture to `sights`."""
     from endolock.twin.camera.renderer import Renderer
     from endolock.twin.model import scene
     from endolock.twin.rig import TwinRig
@@ -182,13 +182,13 @@ def picture(sights: Sights) -> Finding:
 
 
 def opencv(sights: Sights) -> Finding:
-    """Compare the version of OpenCV with the one asked for; find the markers in the picture."""
+    """Compare the version of OpenCV with the required one; find the markers in the picture."""
     import cv2
 
     advice = _upgrade("opencv-python-headless", cv2.__version__)
     if not sights:
         text = f"{cv2.__version__}, no picture to find markers in"
-        return Finding("opencv", False, text, advice or "mend the picture first")
+        return Finding("opencv", False, text, advice or "make the check picture pass first")
     from endolock.hw import boards
     from endolock.vision.marker_eyes import MarkerEyes
 
@@ -201,7 +201,7 @@ def opencv(sights: Sights) -> Finding:
 
 
 def rerun_() -> Finding:
-    """Compare the version of Rerun with the one asked for; write a recording and read it back."""
+    """Compare the version of Rerun with the required one; write a recording and read it back."""
     import rerun as rr
     import rerun.chunk
 
@@ -222,7 +222,7 @@ def rerun_() -> Finding:
 
 
 def disk() -> Finding:
-    """See how much fits where runs/ is, or would be made."""
+    """Check the free space where runs/ is, or would be created."""
     folder = Path("runs") if Path("runs").is_dir() else Path()
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"cannot write to {folder.resolve()}")
@@ -230,7 +230,7 @@ def disk() -> Finding:
 
 
 def room(free_bytes: int, folder: Path) -> Finding:
-    """Judge free space [bytes]: an hour of run folders must fit."""
+    """Judge the free space [bytes]: an hour of run folders must fit."""
     hours = free_bytes / 1e6 / MB_PER_MIN / 60
     text = f"{free_bytes / 1e9:.1f} GB free in {folder}, for {hours:.1f} h of runs"
     if hours >= 1:
@@ -285,7 +285,7 @@ def versions(listed: Path = LISTED) -> Finding:
 
 
 def table(findings: list[Finding]) -> Table:
-    """Lay findings out for people: what, whether, and below a red one what to do."""
+    """Lay findings out as a table: name, result, text, and below a failed one what to do."""
     result = Table(box=None, show_header=False, pad_edge=False)
     result.add_column(no_wrap=True)
     result.add_column(no_wrap=True)
@@ -300,7 +300,7 @@ def table(findings: list[Finding]) -> Table:
 
 
 def _upgrade(name: str, got: str) -> str:
-    """Say how to install the version of a package that endolock asks for; "" if `got` is one."""
+    """Return how to install the required version of a package; "" if `got` is one."""
     wanted = next(r for r in map(Requirement, requires("endolock") or ()) if r.name == name)
     fits = wanted.specifier.contains(got, prereleases=True)
     return "" if fits else f"{PIP} '{wanted}'"

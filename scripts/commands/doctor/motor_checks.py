@@ -1,4 +1,4 @@
-"""What `endolock doctor` says of the motors on a serial port; looking moves and changes nothing."""
+"""Checks of the motors on a serial port by `endolock doctor`; they move and change nothing."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.scripts.commands.doctor.finding import Finding
 
 SEARCHES_S = (0.15, 0.8)
-"""So long a search waits for answers at each baud rate [s]: the second one where the first found
-fewer than two motors. They answer in turn, 3 ms for each id: enough for ids up to 40, and for all.
-Source of the 3 ms: how long the maker's library waits."""
+"""Wait for answers at each baud rate [s]: the second one where the first found fewer than two
+motors. They answer in turn, 3 ms for each id: enough for ids up to 40, and for all. Source of the
+3 ms: time-out of the maker's library."""
 ANSWER_S = 0.1
-"""So long one motor's answer may take [s]: 30 ms at 9600 baud, 16 ms in an adapter, and some."""
+"""Time-out of one motor's answer [s]: 30 ms at 9600 baud, 16 ms in an adapter, and some more."""
 MODELS = {
     **{1000: "XH430-W350", 1010: "XH430-W210", 1020: "XM430-W350", 1030: "XM430-W210"},
     **{1040: "XH430-V350", 1050: "XH430-V210"},
@@ -33,17 +33,17 @@ MODELS = {
     **{1280: "XW430-T200", 1001: "XD430-T350", 1011: "XD430-T210", 1101: "XD540-T270"},
     **{1111: "XD540-T150"},
 }
-"""By model number: the X series of the sizes 430 and 540 that measure their current, which XL430
-and XC430 do not. That of the size 330 is left out, for its indirect data lie elsewhere. Source:
+"""Names by model number: the X series of the sizes 430 and 540 that measure their current, which
+XL430 and XC430 do not. Those of the size 330 have their indirect data elsewhere. Source:
 e-Manual."""
 
 Tell = Callable[[str], None]
-"""Is told what is under way."""
+"""Called with the present step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundMotor:
-    """What was read of one motor."""
+    """Registers read from one motor."""
 
     id: int
     model: int
@@ -57,7 +57,7 @@ class FoundMotor:
 
     @property
     def name(self) -> str:
-        """Its model."""
+        """Name of its model."""
         return MODELS.get(self.model, f"model {self.model}")
 
 
@@ -84,7 +84,7 @@ def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> li
 
     Raises:
         ConfigError: motors share an id.
-        LinkError: one that was found answers no more, or the port is gone.
+        LinkError: a motor that was found no longer answers, or the port was unplugged.
     """
     places = _search(line, tell, searches_s)
     times = Counter(device for device, _ in places)
@@ -93,16 +93,16 @@ def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> li
             raise ConfigError(
                 f"answers with the id {device} come twice or damaged: several motors have it, or "
                 "the cable is bad",
-                "connect one alone, give it another id (docs/bench.md), then both",
+                "connect one motor alone, give it another id (docs/bench.md), then connect both",
             )
     return sorted((read(line, *place) for place in places), key=lambda motor: motor.id)
 
 
 def read(line: Port, device: int, baud: int) -> FoundMotor:
-    """Read what matters of one motor.
+    """Read the registers of one motor that matter here.
 
     Raises:
-        LinkError: it does not answer, or the port is gone.
+        LinkError: it does not answer, or the port was unplugged.
     """
     line.set_baud(baud)
     bus = Bus(line, WallClock(), {}, ANSWER_S)
@@ -121,12 +121,12 @@ def read(line: Port, device: int, baud: int) -> FoundMotor:
 
 
 def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
-    """Judge what was found on a port, one row for each question."""
+    """Judge the motors found on a port, one row per check."""
     if not motors:
         text = f"none answers at any rate from {reg.BAUDS[0]} to {reg.BAUDS[-1]} baud"
         advice = (
-            "see that the motors' supply is on and the data cable in; where two have the same id, "
-            "as new ones have, connect one alone and give it another (docs/bench.md)"
+            "switch the motors' supply on and plug the data cable in; if two have the same id, as "
+            "new ones have, connect one alone and give it another (docs/bench.md)"
         )
         return [Finding("motors", False, text, advice)]
     told = [f"{m.id} ({m.name}, firmware {m.firmware}, {m.baud} baud)" for m in motors]
@@ -150,13 +150,13 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
 
 
 class MotorCheck(NamedTuple):
-    """One question to all motors."""
+    """One check of all motors."""
 
     name: str
     value: Callable[[FoundMotor], str]
     bad: Callable[[FoundMotor], bool]
     advice: str
-    """What to do where one is bad."""
+    """What to do if a motor fails it."""
 
 
 def _errors(motor: FoundMotor) -> str:
@@ -186,19 +186,19 @@ CHECKS = (
         "baud",
         lambda m: str(m.baud),
         lambda m: m.baud < BAUD,
-        "that is slow, the factory's 57600 leave 55 cycles/s: SET-UP",
+        "this is slow, the factory setting of 57600 gives 55 cycles/s: SET-UP",
     ),
     MotorCheck(
         "return delay",
         lambda m: f"{m.return_delay} ({2 * m.return_delay} us)" if m.return_delay else "0",
         lambda m: m.return_delay != 0,
-        "so long every answer waits: SET-UP",
+        "every answer is delayed by this time: SET-UP",
     ),
     MotorCheck(
         "homing offset",
         lambda m: str(m.homing_offset),
         lambda m: m.homing_offset != 0,
-        "with one a motor creeps after its watchdog has stopped it: SET-UP",
+        "with an offset a motor creeps after its watchdog has stopped it: SET-UP",
     ),
     MotorCheck(
         "hardware error",
@@ -210,22 +210,22 @@ CHECKS = (
         "watchdog",
         _watchdog,
         lambda m: m.watchdog == reg.TRIPPED,
-        "its program went silent; what connects next relaxes the motor and clears this, so does "
-        "switching the supply off: hold the endoscope",
+        "its program stopped sending; the next program to connect relaxes the motor and clears "
+        "this, as does switching the supply off: hold the endoscope",
     ),
     MotorCheck(
         "torque",
         lambda m: "on" if m.torque else "off",
         lambda m: m.torque != 0,
-        "it holds though no program has the port; what connects next relaxes the motor, so does "
-        "switching the supply off: hold the endoscope",
+        "it holds though no program has the port; the next program to connect relaxes the motor, "
+        "as does switching the supply off: hold the endoscope",
     ),
 )
 """In the order of the rows."""
 
 
 def _bench(motors: Sequence[FoundMotor], cure: str) -> Finding:
-    """See that the motors are those of the bench file here, or of the defaults."""
+    """Check that the motors are those of the bench file here, or of the defaults."""
     name = (
         f"{bench_file.DEFAULT_FILE}:"
         if bench_file.DEFAULT_FILE.exists()
@@ -243,7 +243,7 @@ def _bench(motors: Sequence[FoundMotor], cure: str) -> Finding:
     if missing:
         answers = ", ".join(map(str, there))
         text += f"; motor {' and '.join(missing)} does not answer, but {answers}"
-        return Finding("bench", False, text, f"see to its supply and cable, or {cure}")
+        return Finding("bench", False, text, f"check its supply and cable, or {cure}")
     if others := [f"{d} at {there[d]}" for d in wanted if there[d] != bench.baud]:
         return Finding("bench", False, f"{text}; motor {' and '.join(others)}", cure)
     return Finding("bench", True, text)
@@ -265,7 +265,7 @@ def _search(line: Port, tell: Tell, searches_s: Sequence[float]) -> list[tuple[i
 
 
 def _crowded(line: Port, device: int, baud: int) -> bool:
-    """Tell whether more than one motor answers to an id, one after the other or over another."""
+    """Return whether more than one motor answers to an id, one after another or at once."""
     line.set_baud(baud)
     line.receive(0.0)  # what may be left
     line.send(encode(device, Instruction.PING))

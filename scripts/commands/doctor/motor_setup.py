@@ -25,8 +25,8 @@ from endolock.scripts.commands.doctor.motor_checks import (
 )
 
 WARNING = (
-    "set-up: the motors relax and restart, and where they stand becomes their zero: the endoscope "
-    "must be straight now; Ctrl-C if it is not"
+    "set-up: the motors relax and restart, and their present positions become their zeros: the "
+    "endoscope must be straight now; Ctrl-C if it is not"
 )
 
 SETTINGS = {
@@ -34,11 +34,11 @@ SETTINGS = {
     "drive mode": reg.DRIVE_MODE,
     "homing offset": reg.HOMING_OFFSET,
 }
-"""What becomes 0: how long an answer waits, the way the motor turns, the shift of its positions."""
+"""Registers set to 0: delay of answers, direction of the motor, offset of its positions."""
 
 
 def check() -> None:
-    """See that a bench file can be written here.
+    """Check that a bench file can be written here.
 
     Raises:
         ConfigError: it cannot, or there is one.
@@ -59,13 +59,13 @@ def check() -> None:
 def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
     """Set two motors up and write bench.toml; the one with the lower id gets up_down.
 
-    Torque goes off. What is kept without power is written only where it differs, for that memory
-    wears. A motor counts whole turns only while it has power, so both restart before their position
-    is taken: it then lies in the turn in which every later day begins.
+    Torque goes off. The EEPROM is written only where it differs: its write cycles are limited. A
+    motor counts whole turns only while it has power, so both restart before their position is
+    read: it is then in the turn in which every later start begins.
 
     Args:
         line: an open port.
-        motors: all that are on it.
+        motors: all motors on it.
     """
     try:
         _accept(motors)
@@ -92,7 +92,7 @@ def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
 
 
 def _accept(motors: Sequence[FoundMotor]) -> None:
-    """See that these are two motors whose registers are known.
+    """Check that these are two motors whose registers are known.
 
     Raises:
         ConfigError: they are not.
@@ -101,7 +101,7 @@ def _accept(motors: Sequence[FoundMotor]) -> None:
         ids = f" ({', '.join(str(motor.id) for motor in motors)})" if motors else ""
         raise ConfigError(
             f"{len(motors)} motors{ids} where a bench has two, so nothing was set up",
-            "connect those two and no other, see that both answer, then run this again",
+            "connect those two and no other, check that both answer, then run this again",
         )
     for motor in motors:
         if motor.model not in MODELS:
@@ -113,7 +113,7 @@ def _accept(motors: Sequence[FoundMotor]) -> None:
 
 
 def _write(bus: Bus, motor: FoundMotor) -> list[str]:
-    """Write what differs to a motor without torque; say what did."""
+    """Write the settings that differ to a motor without torque; return the changes."""
     bus.port.set_baud(motor.baud)
     told = []
     for name, register in SETTINGS.items():
@@ -144,7 +144,7 @@ def _await(bus: Bus, device: int) -> None:
         except LinkLost:
             if clock.now() >= RESTART_S:
                 raise LinkError(
-                    f"motor {device} does not answer at {BAUD} baud any more",
+                    f"motor {device} no longer answers at {BAUD} baud",
                     "switch the motors' supply off and on, then run this again",
                     t=clock.now(),
                 ) from None

@@ -1,6 +1,6 @@
-"""What `endolock doctor` says of serial ports, and of the one that is named.
+"""Checks of serial ports by `endolock doctor`, and of the one given with --port.
 
-No port is opened unless it is named: a device that is not ours may restart when its port is opened.
+No other port is opened: another device may restart when its port is opened.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from endolock.scripts.commands.doctor.motor_checks import (
 )
 
 TIMER_MS = 1
-"""The shortest time for which an FTDI adapter keeps what came before it hands it on [ms]."""
+"""Shortest time for which an FTDI adapter buffers received bytes [ms]."""
 OTHER_PORT = "see what the row serial says of it, or give a port that it lists"
 """What to do where a port cannot be opened."""
 UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"
@@ -33,11 +33,11 @@ UDEV_RULE = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{la
 def serial(
     devices: Path = Path("/dev"), adapters: Path = Path("/sys/bus/usb-serial/devices")
 ) -> Finding:
-    """List the serial ports on USB; see, without opening them, that they may be opened.
+    """List the serial ports on USB; check, without opening them, the permission to open them.
 
     Args:
-        devices: where they are.
-        adapters: where Linux tells how they are set.
+        devices: their folder.
+        adapters: folder in which Linux shows their settings.
     """
     found: dict[Path, str] = {}
     for pattern in ("serial/by-id/*", "ttyUSB*", "ttyACM*"):
@@ -59,9 +59,9 @@ def ports(
     """Judge serial ports.
 
     Args:
-        found: names for people, by device.
-        closed_to_us: which of them we may not open, with the group that may.
-        timers_ms: how long they wait before they hand on what came [ms], of those that tell.
+        found: their names for people, by device.
+        closed_to_us: those that we may not open, with the group that may.
+        timers_ms: time for which they buffer received bytes [ms], where it is known.
     """
     if not found:
         return Finding("serial", True, "none; the twin needs none")
@@ -95,10 +95,10 @@ def examine(
     """Open a port, find the motors on it, and judge both.
 
     Args:
-        path: of the port.
-        tell: is told what is under way.
+        path: path of the port.
+        tell: called with the present step.
         change: sets the motors up before they are judged.
-        by_id: folder of lasting names.
+        by_id: folder of persistent names.
         searches_s: see `SEARCHES_S`.
     """
     findings: list[Finding] = []
@@ -132,9 +132,9 @@ def _group(port: Path) -> str:
 
 
 def _opened(path: str, by_id: Path) -> str:
-    """Say under which name a port was opened, and under which it should be."""
+    """Say under which name a port was opened, and which one to prefer."""
     port = Path(path)
-    lasting = sorted(link for link in by_id.glob("*") if link.resolve() == port.resolve())
-    if not lasting or port.absolute() in lasting:
+    persistent = sorted(link for link in by_id.glob("*") if link.resolve() == port.resolve())
+    if not persistent or port.absolute() in persistent:
         return f"{path} opened"
-    return f"{path} opened; better give {lasting[0]}, which it is called wherever it is plugged in"
+    return f"{path} opened; prefer {persistent[0]}: it stays the same across USB ports"

@@ -169,15 +169,15 @@ def test_motors_as_sold_are_red_and_green_once_set_up(
         said = {row.name: (row.text, row.advice) for row in rows}
         assert said["baud"] == (
             "1: 57600, 2: 57600",
-            f"that is slow, the factory's 57600 leave 55 cycles/s: {cure}",
+            f"this is slow, the factory setting of 57600 gives 55 cycles/s: {cure}",
         )
         assert said["return delay"] == (
             "1: 250 (500 us), 2: 250 (500 us)",
-            f"so long every answer waits: {cure}",
+            f"every answer is delayed by this time: {cure}",
         )
         assert said["homing offset"] == (
             "1: 0, 2: -512",
-            f"with one a motor creeps after its watchdog has stopped it: {cure}",
+            f"with an offset a motor creeps after its watchdog has stopped it: {cure}",
         )
         assert said["bench"] == (
             "no bench.toml here, so up_down 1, left_right 2 at 1000000 baud; motor 1 at 57600 and "
@@ -253,15 +253,15 @@ def test_looking_asks_and_changes_nothing() -> None:
             "watchdog",
             {"watchdog": reg.TRIPPED},
             "1: off, 2: has stopped the motor",
-            "its program went silent; what connects next relaxes the motor and clears this, so "
-            "does switching the supply off: hold the endoscope",
+            "its program stopped sending; the next program to connect relaxes the motor and clears "
+            "this, as does switching the supply off: hold the endoscope",
         ),
         (
             "torque",
             {"torque": 1},
             "1: off, 2: on",
-            "it holds though no program has the port; what connects next relaxes the motor, so "
-            "does switching the supply off: hold the endoscope",
+            "it holds though no program has the port; the next program to connect relaxes the "
+            "motor, as does switching the supply off: hold the endoscope",
         ),
     ],
 )
@@ -291,7 +291,7 @@ def test_motors_that_are_not_those_of_the_bench_file() -> None:
         False,
         "bench.toml: up_down 1, left_right 2 at 1000000 baud; motor 2 (left_right) does not "
         "answer, but 1, 7",
-        f"see to its supply and cable, or {cure}",
+        f"check its supply and cable, or {cure}",
     )
     assert bench("[handle.left_right]\nid = 7", GOOD, other).ok
     assert bench("baud = 2000000\n[handle.left_right]\nid = 7", GOOD, other) == Finding(
@@ -317,8 +317,8 @@ def test_no_motor_at_all() -> None:
             "motors",
             False,
             "none answers at any rate from 9600 to 4500000 baud",
-            "see that the motors' supply is on and the data cable in; where two have the same id, "
-            "as new ones have, connect one alone and give it another (docs/bench.md)",
+            "switch the motors' supply on and plug the data cable in; if two have the same id, as "
+            "new ones have, connect one alone and give it another (docs/bench.md)",
         )
     ]
     assert tried == 2 * [f"motors at {baud} baud" for baud in reg.BAUDS]
@@ -335,13 +335,13 @@ def test_two_motors_with_one_id_are_not_touched(bauds: tuple[int, int]) -> None:
             False,
             "answers with the id 1 come twice or damaged: several motors have it, or the cable is "
             "bad",
-            "connect one alone, give it another id (docs/bench.md), then both",
+            "connect one motor alone, give it another id (docs/bench.md), then connect both",
         )
     ]
     assert not bench_file.DEFAULT_FILE.exists()
 
 
-def test_a_port_is_told_by_its_lasting_name(tmp_path: Path) -> None:
+def test_the_persistent_name_of_a_port_is_preferred(tmp_path: Path) -> None:
     with Served() as served:
         (tmp_path / "usb-FTDI").symlink_to(served.path)
 
@@ -352,8 +352,7 @@ def test_a_port_is_told_by_its_lasting_name(tmp_path: Path) -> None:
             return findings[0].text
 
         assert port(served.path) == (
-            f"{served.path} opened; better give {tmp_path}/usb-FTDI, which it is called wherever "
-            "it is plugged in"
+            f"{served.path} opened; prefer {tmp_path}/usb-FTDI: it stays the same across USB ports"
         )
         assert port(tmp_path / "usb-FTDI") == f"{tmp_path}/usb-FTDI opened"
 
@@ -424,7 +423,7 @@ def test_other_than_two_motors_are_not_set_up(ids: tuple[int, ...], text: str) -
         "set-up",
         False,
         f"{text} a bench has two, so nothing was set up",
-        "connect those two and no other, see that both answer, then run this again",
+        "connect those two and no other, check that both answer, then run this again",
     )
 
 
@@ -464,7 +463,7 @@ def test_what_a_killed_program_left_is_put_right_and_no_more() -> None:
     assert red(motor_checks.judge(motors, served.path)) == []
 
 
-def test_a_motor_that_does_not_come_back_is_told() -> None:
+def test_a_motor_that_does_not_come_back_is_an_error() -> None:
     servos = servo(1), servo(2)
     servos[1].reboot_s = 1e9
     with Served(*servos) as served, opened(served.path) as line:
@@ -472,7 +471,7 @@ def test_a_motor_that_does_not_come_back_is_told() -> None:
     assert finding == Finding(
         "set-up",
         False,
-        "motor 2 does not answer at 1000000 baud any more",
+        "motor 2 no longer answers at 1000000 baud",
         "switch the motors' supply off and on, then run this again",
     )
     assert not bench_file.DEFAULT_FILE.exists()
