@@ -16,7 +16,8 @@ def main(args: list[str]) -> int:
     from endolock.scripts.commands import compare
     from endolock.scripts.figures import rerun_export, strip
     from endolock.scripts.runs import output, record_table, run_folder
-    from endolock.scripts.runs.experiment import RUNS, run_all
+    from endolock.scripts.runs.experiment import RUNS
+    from endolock.scripts.runs.series import run_all
 
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)

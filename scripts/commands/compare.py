@@ -18,8 +18,9 @@ from endolock.hw.api import ConfigError
 from endolock.scripts.commands.run import INSTRUMENT
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import output, overrides, record_table, rigs, run_folder, theory
-from endolock.scripts.runs.experiment import RUNS, Experiment, run_all
+from endolock.scripts.runs.experiment import RUNS, Experiment
 from endolock.scripts.runs.run_record import RunRecord
+from endolock.scripts.runs.series import run_all
 from endolock.vision.observation import Status
 
 

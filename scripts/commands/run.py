@@ -12,7 +12,8 @@ from rich.console import Console
 from endolock.control import registry
 from endolock.hw.api import ConfigError
 from endolock.scripts.runs import output, record_table, rigs
-from endolock.scripts.runs.experiment import Experiment, run_all
+from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.series import run_all
 from endolock.twin.world import instrument_files, scenario
 from endolock.vision.track_eyes import Selection
 

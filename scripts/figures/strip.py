@@ -10,7 +10,7 @@ import numpy as np
 
 from endolock.hw.api import ConfigError, Image
 from endolock.scripts.figures.palette import RGB_BLUE, RGB_GREEN, RGB_INK, RGB_PAPER
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import log_tables, run_folder
 
 PICTURES = 6
 WIDTH_PX = 320
@@ -46,7 +46,7 @@ def write(folder: Path, path: Path) -> Path:
 
 
 def _draw(row: dict[str, Any], centre: tuple[float, float]) -> Image:
-    picture = run_folder.decode(row["tip_jpeg"])
+    picture = log_tables.decode(row["tip_jpeg"])
     scale = WIDTH_PX / picture.shape[1]
     height = round(picture.shape[0] * scale)
     small = cv2.resize(picture, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)

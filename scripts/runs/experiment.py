@@ -7,7 +7,7 @@ print(record.error_px.rms, record.folder)
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -285,38 +285,3 @@ class Experiment:
             elif name in ("rig", "vision", "instrument") and not isinstance(value, str):
                 values[name] = type(value).__name__
         return values
-
-
-class Series(NamedTuple):
-    """Runs one after another."""
-
-    records: list[RunRecord]
-    """Of all runs, also of one that was ended early."""
-    stopped: Interrupted | None
-    """What ended the series early."""
-
-    def conclude(self) -> None:
-        """Raise what ended the series early; called once its results have been reported."""
-        if self.stopped:
-            raise self.stopped
-
-
-def run_all(experiments: Sequence[Experiment], *, show_progress: bool = True) -> Series:
-    """Carry out experiments one after another, up to a Ctrl-C.
-
-    Raises:
-        ConfigError, HardwareError: as for `Experiment.run`.
-    """
-    records: list[RunRecord] = []
-    total = len(experiments)
-    for n, experiment in enumerate(experiments, 1):
-        label = f"{n}/{total}" if total > 1 else ""
-        try:
-            records.append(experiment.run(label=label, show_progress=show_progress))
-        except Interrupted as stop:
-            records.append(stop.record)
-            if total == 1:
-                return Series(records, stop)
-            how_far = f"in run {n} of {total}, after {stop.record.duration_s:.1f} s"
-            return Series(records, Interrupted(stop.record, how_far))
-    return Series(records, None)

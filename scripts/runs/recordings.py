@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from endolock.hw import boards
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.hw.camera import camera_file, recorded_video
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import log_tables, run_folder
 
 
 class Recording(NamedTuple):
@@ -73,7 +73,7 @@ def _frames(rows: list[dict[str, Any]]) -> Iterator[Frame]:
     for row in rows:
         data = row["tip_jpeg"]
         yield Frame(
-            image=run_folder.decode(data) if data else None,
+            image=log_tables.decode(data) if data else None,
             t_capture=row["t_capture"],
             t_available=row["t_available"],
             seq=row["seq"],

@@ -33,7 +33,7 @@ AnyRig = TwinRig | HilRig | SurrogateRig | SerialRig
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class RigParameters:
     """What a simulated rig is made from; see `make`."""
 
     scenario: Scenario
@@ -58,37 +58,42 @@ class Setup:
 class RigKind(NamedTuple):
     """A simulated rig that can be named."""
 
-    make: Callable[[Setup], TwinRig | HilRig | SurrogateRig]
+    make: Callable[[RigParameters], TwinRig | HilRig | SurrogateRig]
     summary: str
     """What it is, for help texts."""
     pictures: bool = True
     """Whether it can take pictures."""
 
 
-def _surrogate(setup: Setup, transmission: Transmission | None = None) -> SurrogateRig:
+def _surrogate(given: RigParameters, transmission: Transmission | None = None) -> SurrogateRig:
     return SurrogateRig(
-        setup.scenario, transmission=transmission, instrument=setup.instrument, seed=setup.seed
+        given.scenario,
+        transmission=transmission,
+        instrument=given.instrument,
+        seed=given.seed,
     )
 
 
-def _wires(setup: Setup) -> SurrogateRig:
-    shaft_rad = radians(setup.scenario.shaft_bend_deg)
-    return _surrogate(setup, transmission_of(setup.instrument, shaft_rad))
+def _wires(given: RigParameters) -> SurrogateRig:
+    shaft_rad = radians(given.scenario.shaft_bend_deg)
+    return _surrogate(given, transmission_of(given.instrument, shaft_rad))
 
 
 RIGS: dict[str, RigKind] = {
-    "twin": RigKind(lambda setup: TwinRig(setup.scenario, **setup.options), "the MuJoCo twin"),
+    "twin": RigKind(lambda given: TwinRig(given.scenario, **given.options), "the MuJoCo twin"),
     "hil": RigKind(
-        lambda setup: HilRig(setup.scenario, **setup.options),
+        lambda given: HilRig(given.scenario, **given.options),
         "the twin behind an emulated serial line, in lock-step",
     ),
     "hil:wall": RigKind(
-        lambda setup: HilRig(setup.scenario, **setup.options, wall=True),
+        lambda given: HilRig(given.scenario, **given.options, wall=True),
         "the same in wall-clock time",
     ),
     "surrogate": RigKind(_surrogate, "plays fitted to the instrument", pictures=False),
     "play": RigKind(
-        lambda setup: _surrogate(setup, ONE_PLAY), "one play of constant width", pictures=False
+        lambda given: _surrogate(given, ONE_PLAY),
+        "one play of constant width",
+        pictures=False,
     ),
     "quasi_static": RigKind(_wires, "the instrument's wires without inertia", pictures=False),
 }
@@ -152,7 +157,7 @@ def make(
         real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
         return real, eyes_of(real, vision, scenario, seed, select)
     simulated = RIGS[rig].make(
-        Setup(
+        RigParameters(
             scenario=scenario,
             instrument=instrument,
             numerics=numerics,

@@ -29,8 +29,9 @@ from rich.table import Table
 
 from endolock.hw.api import Vector
 from endolock.scripts.runs import run_folder
-from endolock.scripts.runs.experiment import Experiment, Series, run_all
+from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
+from endolock.scripts.runs.series import Series, run_all
 
 INSTRUMENT = "thesis"
 SET_UP = ("camera.width=720", "camera.height=576", "shaft_bend_deg=0")

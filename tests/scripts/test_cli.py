@@ -12,7 +12,7 @@ import pytest
 
 from endolock.hw.api import ConfigError, DeviceFault
 from endolock.scripts import cli, demo
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import log_tables, run_folder
 
 RUN_KEYS = [
     "scenario",
@@ -247,7 +247,7 @@ def test_killed_it_leaves_a_readable_folder(tmp_path: Path) -> None:
     assert ticks["t"].to_pylist() == pytest.approx([0.02 * n for n in range(len(ticks))])
     # with pictures, ticks and frames are handed over together
     assert ticks["t"][-1].as_py() >= frames["t_available"][-1].as_py() - 0.041
-    assert run_folder.decode(frames["tip_jpeg"][-1].as_py()).shape == (480, 640, 3)
+    assert log_tables.decode(frames["tip_jpeg"][-1].as_py()).shape == (480, 640, 3)
 
 
 def _start_long_run(folder: Path) -> subprocess.Popen[str]:

@@ -8,7 +8,7 @@ import pytest
 
 from endolock.hw.camera import camera_file
 from endolock.scripts import cli
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import log_tables, run_folder
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_a_video_file_with_stamps_and_calibration(folder: Path, tmp_path: Path) 
     rows = run_folder.read(folder, "frames").to_pylist()[:40]
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (640, 480))
     for row in rows:
-        writer.write(cv2.cvtColor(run_folder.decode(row["tip_jpeg"]), cv2.COLOR_RGB2BGR))
+        writer.write(cv2.cvtColor(log_tables.decode(row["tip_jpeg"]), cv2.COLOR_RGB2BGR))
     writer.release()
     lines = ["t_capture,t_available", *(f"{r['t_capture']},{r['t_available']}" for r in rows)]
     stamps.write_text("\n".join(lines))

@@ -20,7 +20,7 @@ from endolock import (
 )
 from endolock.control.laws.still import Still
 from endolock.hw.api import Command, State
-from endolock.scripts.runs.experiment import run_all
+from endolock.scripts.runs.series import run_all
 from endolock.vision.observation import Observation
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from endolock.hw.api import ConfigError
 from endolock.scripts.figures import rerun_export, strip
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import log_tables, run_folder
 from endolock.scripts.runs.experiment import Experiment
 
 
@@ -30,10 +30,10 @@ def test_rows_stand_for_ticks_and_frames(folder: Path) -> None:
     assert len(ticks) == 76  # 0, 0.02, ... 1.5 s
     assert frames["seq"].to_pylist() == list(range(28))  # the last arrives at 0.4 + 27 * 0.04 s
     assert frames["status"].unique().to_pylist() == ["tracking"]
-    picture = run_folder.decode(frames["tip_jpeg"][0].as_py())
+    picture = log_tables.decode(frames["tip_jpeg"][0].as_py())
     assert picture.shape == (480, 640, 3)
     assert picture[240, 320].tolist() != picture[20, 20].tolist()
-    assert run_folder.decode(frames["overview_jpeg"][0].as_py()).shape == (360, 480, 3)
+    assert log_tables.decode(frames["overview_jpeg"][0].as_py()).shape == (360, 480, 3)
 
 
 def test_the_configuration_says_what_was_run(folder: Path) -> None:

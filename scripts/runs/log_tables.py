@@ -1,0 +1,170 @@
+"""The tables of a run folder: their columns, and how ticks and frames become rows."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+
+from endolock.control.loop import Seen, Tick
+from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
+
+JPEG_QUALITY = 75
+
+
+def _vector(n: int) -> pa.DataType:
+    """N numbers; a pose is a position and a quaternion."""
+    return pa.list_(pa.float64(), n)
+
+
+TICKS = pa.schema(
+    [
+        ("t", pa.float64()),
+        ("skipped", pa.int32()),
+        ("command_rad", _vector(2)),
+        ("state_t", pa.float64()),
+        ("position_rad", _vector(2)),
+        ("velocity_rad_s", _vector(2)),
+        ("current_a", _vector(2)),
+        ("target_rad", _vector(2)),
+        ("clipped", pa.list_(pa.int8(), 2)),
+        ("fresh", pa.bool_()),
+        ("mode", pa.string()),
+        ("device_tick", pa.int64()),
+        ("status", pa.string()),
+        ("signals", pa.map_(pa.string(), pa.float64())),  # of the law's inside
+        # From a tracker; null without one.
+        ("tracked_t", pa.float64()),
+        ("tracked_pose", _vector(7)),
+        # The truth now; null on hardware.
+        ("target_px", _vector(2)),
+        ("in_picture", pa.bool_()),
+        ("distance_m", pa.float64()),
+        ("error_deg", pa.float64()),
+        ("bend_rad", _vector(2)),
+        ("tension_handle_n", _vector(4)),
+        ("tension_section_n", _vector(4)),
+    ]
+)
+FRAMES = pa.schema(
+    [
+        ("seq", pa.int64()),
+        ("t_capture", pa.float64()),
+        ("t_available", pa.float64()),
+        ("dropped", pa.int32()),
+        ("repeated", pa.bool_()),
+        ("status", pa.string()),
+        ("why", pa.string()),
+        ("target_px", _vector(2)),
+        ("covariance_px2", _vector(3)),
+        ("distance_m", pa.float64()),
+        # Where markers see a target that is followed without them; else null.
+        ("reference_px", _vector(2)),
+        ("corners_px", pa.list_(_vector(2))),
+        # The truth at the exposure; null on hardware.
+        ("true_t", pa.float64()),
+        ("true_target_px", _vector(2)),
+        ("true_distance_m", pa.float64()),
+        ("tip_pose", _vector(7)),
+        ("board_pose", _vector(7)),
+        ("backbone_m", pa.list_(_vector(3))),
+        ("tip_jpeg", pa.binary()),
+        ("overview_jpeg", pa.binary()),
+    ]
+)
+
+
+def tick_row(tick: Tick) -> dict[str, Any]:
+    """Return the row of one control period."""
+    s = tick.state
+    row: dict[str, Any] = {
+        "t": tick.t,
+        "skipped": tick.skipped,
+        "command_rad": tick.command.position if tick.command else None,
+        "state_t": s.t,
+        "position_rad": s.position,
+        "velocity_rad_s": s.velocity,
+        "current_a": s.current,
+        "target_rad": s.goal,
+        "clipped": s.clipped,
+        "fresh": s.fresh,
+        "mode": s.mode,
+        "device_tick": s.device_tick,
+        "status": tick.status,
+        "signals": list(tick.signals.items()),
+    }
+    if tick.tracked:
+        row |= {"tracked_t": tick.tracked.t, "tracked_pose": _pose(tick.tracked)}
+    if tick.truth:
+        row |= _truth_of_tick(tick.truth, tick.truth.plant)
+    return row
+
+
+def frame_row(seen: Seen) -> dict[str, Any]:
+    """Return the row of one frame, with its pictures as JPEG."""
+    frame, observation, truth = seen.frame, seen.observation, seen.truth
+    judged = isfinite(observation.reference_px[0])
+    row: dict[str, Any] = {
+        "seq": frame.seq,
+        "t_capture": frame.t_capture,
+        "t_available": frame.t_available,
+        "dropped": frame.dropped,
+        "repeated": frame.repeated,
+        "status": observation.status,
+        "why": observation.why,
+        "target_px": observation.target_px,
+        "covariance_px2": observation.covariance,
+        "distance_m": observation.distance_m,
+        "reference_px": observation.reference_px if judged else None,
+        "corners_px": observation.corners_px,
+        "tip_jpeg": jpeg(frame.image),
+        "overview_jpeg": jpeg(seen.overview.image) if seen.overview else None,
+    }
+    if truth:
+        row |= {
+            "true_t": truth.t,
+            "true_target_px": truth.target_px,
+            "true_distance_m": truth.distance_m,
+            "tip_pose": _pose(truth.plant.tip),
+            "board_pose": _pose(truth.plant.board),
+            "backbone_m": list(truth.plant.backbone),
+        }
+    return row
+
+
+def jpeg(image: Image | None) -> bytes | None:
+    """Encode an RGB picture."""
+    if image is None:
+        return None
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    done, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not done:
+        raise RuntimeError(f"OpenCV could not encode a picture of {image.shape}")
+    return bytes(data)
+
+
+def decode(data: bytes) -> Image:
+    """Decode a JPEG to RGB."""
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ConfigError("a picture in the run folder is no JPEG", "the folder is damaged")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _truth_of_tick(truth: TruthSample, plant: Plant) -> dict[str, Any]:
+    return {
+        "target_px": truth.target_px,
+        "in_picture": truth.in_picture,
+        "distance_m": truth.distance_m,
+        "error_deg": truth.error_deg,
+        "bend_rad": plant.bend_rad,
+        "tension_handle_n": plant.tension_handle_n,
+        "tension_section_n": plant.tension_section_n,
+    }
+
+
+def _pose(pose: Pose) -> tuple[float, ...]:
+    return (*pose.position, *pose.quaternion)
