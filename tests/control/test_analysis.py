@@ -44,7 +44,7 @@ NOT_LINEAR = {"oracle", "predictive", "predictive_bank", "still"}
 
 
 @pytest.mark.parametrize("name", sorted(set(registry.LAWS) - NOT_LINEAR - {"repetitive"}))
-def test_every_linear_law_is_stable_as_it_comes(name: str) -> None:
+def test_every_linear_controller_is_stable_with_its_defaults(name: str) -> None:
     process = Process(gain=1.394)
     response = analysis.response(registry.configure(name), process)
     assert response is not None
@@ -52,12 +52,12 @@ def test_every_linear_law_is_stable_as_it_comes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(NOT_LINEAR))
-def test_a_law_that_estimates_or_holds_has_no_linear_part(name: str) -> None:
+def test_a_controller_that_estimates_or_holds_has_no_linear_part(name: str) -> None:
     assert analysis.response(registry.configure(name), INSTANT) is None
 
 
 @pytest.mark.parametrize("gain", [0.8, 4.0])
-def test_a_step_tells_gain_lag_and_dead_time(gain: float) -> None:
+def test_a_step_response_gives_gain_lag_and_dead_time(gain: float) -> None:
     t = np.arange(0.01, 1.2, 0.01)
     error = -gain * 0.1 * -np.expm1(-np.maximum(t - 0.413, 0) / 0.06)
     found, misfit = analysis.identify_step(t, error, 0.1)
@@ -65,7 +65,7 @@ def test_a_step_tells_gain_lag_and_dead_time(gain: float) -> None:
     assert (found.gain, found.lag_s, found.dead_s) == pytest.approx((gain, 0.06, 0.413), rel=1e-3)
 
 
-def test_backlash_lets_no_law_in_position_mode_ring() -> None:
+def test_backlash_causes_no_limit_cycle_in_position_mode() -> None:
     amplitudes = np.geomspace(0.301, 5.0, 100)
     backlash = ct.friction_backlash_nonlinearity(0.6)
     law = ct.tf([0.3, 0.25], [1, 0])
@@ -74,7 +74,7 @@ def test_backlash_lets_no_law_in_position_mode_ring() -> None:
     assert np.ptp(_ring(0.3, 0.25, process, 0.0, 0.3)[-500:]) < 0.02  # settles
 
 
-def test_over_compensation_rings_as_predicted() -> None:
+def test_over_compensation_oscillates_as_predicted() -> None:
     process = Process(gain=1.394, lag_s=0.02, dead_s=0.43)
     excess = 0.05
     told = min(
@@ -117,18 +117,18 @@ def test_a_measured_describing_function_agrees_with_the_formula() -> None:
     assert told.amplitude_rad == pytest.approx(slowest.amplitude_rad, rel=0.05)
 
 
-def test_the_floor_of_prediction() -> None:
+def test_the_lower_bound_of_prediction() -> None:
     def floor(horizon_s: float, noise: float = 0.0) -> float:
         return analysis.wiener_floor(30.0, 0.3, horizon_s, noise)
 
-    assert floor(1e-6) < 1e-3  # known where it is seen without noise
-    assert floor(20.0) == pytest.approx(30.0 / (2 * pi * 0.3), rel=1e-3)  # of the motion itself
+    assert floor(1e-6) < 1e-3  # known at the observation without noise
+    assert floor(20.0) == pytest.approx(30.0 / (2 * pi * 0.3), rel=1e-3)  # rms of the motion itself
     assert floor(0.2) < floor(0.4) < floor(0.8)
     assert floor(0.4) < floor(0.4, noise=1.0)
 
 
 def _ring(kp: float, ki: float, process: Process, half: float, radius: float) -> Vector:
-    """Simulate law, compensation and play in a loop with dead time; return the law's output."""
+    """Simulate controller, compensation and play with dead time; return the controller's output."""
     dt = 0.002
     delay = round(process.dead_s / dt)
     line = [0.0] * delay

@@ -91,7 +91,7 @@ class Rows:
         self.frames.append(seen)
 
 
-def test_ticks_stand_at_absolute_deadlines() -> None:
+def test_ticks_have_absolute_deadlines() -> None:
     clock = LateClock(*[0.004, 0.001, 0.006] * 10, start_s=7.0)  # jitter, less than a period
     got = list(loop.ticks(clock, 0.02, 7.5))
     assert len(got) == 26  # 0.5 s, both ends included
@@ -157,7 +157,7 @@ def test_a_run_must_last(duration_s: float) -> None:
         assert rig.actuators.mode is Mode.DISABLED  # refused before torque came on
 
 
-def test_rows_commands_and_states_belong_together() -> None:
+def test_rows_hold_matching_commands_and_states() -> None:
     law, rows = Constant(0.2, -0.1), Rows()
     with TwinRig("rest", pictures=False) as rig:
         result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=1.0, recorder=rows)
@@ -174,7 +174,7 @@ def test_rows_commands_and_states_belong_together() -> None:
     assert all(tick.truth and tick.truth.t == tick.t == tick.state.t for tick in ticks)
 
 
-def test_eyes_see_every_frame_once() -> None:
+def test_eyes_get_every_frame_once() -> None:
     law = Constant(0, 0)
     with TwinRig("rest", pictures=False) as rig:
         eyes = Watched(rig)
@@ -203,7 +203,7 @@ def test_frames_that_never_arrive_are_not_waited_for() -> None:
     assert len(eyes.shown) + sum(s.frame.dropped for s in result.seen) == eyes.shown[-1] + 1
 
 
-def test_an_interrupt_is_a_safe_end() -> None:
+def test_an_interrupt_ends_the_run_safely() -> None:
     def progress(t: float) -> None:
         if t > 0.5:
             raise KeyboardInterrupt
@@ -220,7 +220,7 @@ def test_an_interrupt_is_a_safe_end() -> None:
             assert rig.actuators.exchange(None).goal == goal
 
 
-def test_a_law_that_gives_nan_is_stopped() -> None:
+def test_a_controller_that_returns_nan_is_stopped() -> None:
     rows = Rows()
     with TwinRig("rest", pictures=False) as rig:
         eyes, law = TruthEyes(rig.truth), Constant(0.1, nan)

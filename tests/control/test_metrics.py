@@ -118,7 +118,7 @@ def placed(position: Callable[[float], float], duration_s: float) -> dict[str, f
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_every_score_has_its_place(known: bool) -> None:
+def test_every_score_has_its_key(known: bool) -> None:
     sample = truth(5.0) if known else None
     result = score([tick(n * PERIOD_S, sample) for n in range(200)], [frame(1.0, 5.0, sample)])
     assert set(result) == SINGLE | set(GROUPS)
@@ -175,7 +175,7 @@ def test_time_to_lock(px: list[float], locked_s: float | None) -> None:
     assert got is None if locked_s is None else got == pytest.approx(locked_s, abs=ROUNDING)
 
 
-def test_without_truth_only_the_delayed_error_is_known() -> None:
+def test_without_truth_only_the_delayed_error_is_scored() -> None:
     ticks = [tick(n * PERIOD_S) for n in range(200)]
     result = score(ticks, [frame(n * 0.04, 40.0, None) for n in range(100)])
     for name in TRUE:
@@ -197,12 +197,12 @@ def test_an_empty_run_has_no_scores() -> None:
         assert set(result[name].values()) == {None}
 
 
-def test_ticks_that_came_too_late_are_counted() -> None:
+def test_late_ticks_are_counted() -> None:
     ticks = [replace(tick(n * PERIOD_S), skipped=n % 3) for n in range(7)]
     assert score(ticks)["overruns"] == 6
 
 
-def test_what_comes_before_is_not_scored() -> None:
+def test_ticks_before_the_start_are_not_scored() -> None:
     ticks = errors(*[100.0] * 50, *[10.0] * 51)
     late = [(0.5, 100.0), (0.98, 100.0), (1.0, 12.0), (1.5, 11.0)]  # by the time of delivery
     seen = [frame(t, px, truth(0.0)) for t, px in late]
@@ -224,7 +224,7 @@ def test_frames_are_counted() -> None:
     assert result["delayed_error_px"]["max"] == 0.0  # of those that were accepted
 
 
-def test_vision_is_compared_with_the_truth_of_the_exposure() -> None:
+def test_vision_is_compared_with_the_truth_at_the_exposure() -> None:
     seen = [frame(0.4, 12.0, truth(9.0)), frame(0.5, 12.0, truth(12.0, -4.0))]
     seen.append(frame(0.6, 0.0, truth(300.0), Status.COASTING))  # nothing to compare
     assert score([], seen)["vision_error_px"] == pytest.approx({"rms": sqrt(12.5), "max": 4.0})
@@ -242,14 +242,14 @@ def test_speed_acceleration_and_jerk_of_both_handles_together() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.03, -0.08])
-def test_a_triangle_wave_turns_twice_in_a_period(drift: float) -> None:
+def test_a_triangle_wave_reverses_twice_per_period(drift: float) -> None:
     # Up 50 mrad and down again; a drift slower than the wave changes neither turns nor travel.
     handle = placed(lambda t: 0.1 * abs((t + 0.5) % 1.0 - 0.5) + drift * t, 4.0)
     assert handle["reversals_per_s"] == pytest.approx(7 / 4)  # at 0.5, 1, ... 3.5 s
     assert handle["travel_rad"] == pytest.approx(8 * 0.05)
 
 
-def test_a_ripple_below_the_resolution_is_no_reversal() -> None:
+def test_a_ripple_below_the_resolution_is_not_a_reversal() -> None:
     small, large = 0.9 * metrics.REVERSAL_RAD, 1.1 * metrics.REVERSAL_RAD
     assert placed(lambda t: small * (round(t / PERIOD_S) % 2), 4.0)["reversals_per_s"] == 0.0
     # One sign change a tick, but for the first, which sets the direction.
@@ -257,7 +257,7 @@ def test_a_ripple_below_the_resolution_is_no_reversal() -> None:
     assert shaking == pytest.approx(199 / 4)
 
 
-def test_how_far_tip_and_handles_move_on_each_axis() -> None:
+def test_motion_of_tip_and_handles_on_each_axis() -> None:
     swing = [np.radians(30 * n / 50 if n <= 50 else 30 - 24 * (n - 50) / 50) for n in range(101)]
     ticks = []
     for n, angle in enumerate(swing):
@@ -271,6 +271,6 @@ def test_how_far_tip_and_handles_move_on_each_axis() -> None:
     assert score(ticks, from_s=1.0)["tip"]["p2p_deg"] == pytest.approx([24, 12])  # scored part
 
 
-def test_blur_is_the_motion_within_an_exposure() -> None:
+def test_blur_is_the_motion_during_an_exposure() -> None:
     ticks = [tick(n * PERIOD_S, truth(60 * n * PERIOD_S, 80 * n * PERIOD_S)) for n in range(100)]
     assert score(ticks)["blur_px"] == pytest.approx(100 * metrics.EXPOSURE_S)  # at 100 px/s

@@ -22,7 +22,7 @@ CAMERA = Calibration(width=640, height=480, focal_px=262.0, centre_px=(319.5, 23
 NAMES = sorted(registry.LAWS)
 PERIOD_S = 0.02
 LATENCY_S = 0.4
-SETTLED_RAD = 1e-9  # some hundred roundings
+SETTLED_RAD = 1e-9  # rounding of some hundred operations
 
 
 def make(name: str) -> Controller:
@@ -67,7 +67,7 @@ FRAMES = st.one_of(
     st.none(),
     st.tuples(
         st.floats(-400, 400), st.floats(-300, 300), st.sampled_from([0.0, 0.06, LATENCY_S, 3.0])
-    ),  # also outside the picture, and older than anything remembered
+    ),  # also outside the picture, and older than any memory
     st.sampled_from([Status.LOST, Status.COASTING, Status.SEARCHING]),
 )
 
@@ -79,7 +79,7 @@ def observation(t: float, frame: Any) -> Observation | None:
 
 
 def drive(law: Controller, frames: list[Any], start: int = 0) -> list[tuple[float, ...]]:
-    """Play frames to a law whose handles follow at once."""
+    """Give frames to a controller whose handles follow at once."""
     handles, out = (0.1, -0.2), []
     for n, frame in enumerate(frames, start):
         t = n * PERIOD_S
@@ -92,7 +92,7 @@ def drive(law: Controller, frames: list[Any], start: int = 0) -> list[tuple[floa
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=15)
 @given(frames=st.lists(FRAMES, min_size=1, max_size=40))
-def test_commands_are_two_finite_angles_whatever_is_seen(name: str, frames: list[Any]) -> None:
+def test_commands_are_two_finite_angles_for_any_frames(name: str, frames: list[Any]) -> None:
     law = make(name)
     law.reset(state(0.0, (0.1, -0.2)))
     for position in drive(law, frames):
@@ -103,7 +103,9 @@ def test_commands_are_two_finite_angles_whatever_is_seen(name: str, frames: list
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=10)
 @given(first=st.lists(FRAMES, min_size=3, max_size=25), then=st.lists(FRAMES, min_size=3))
-def test_a_law_goes_on_where_it_was_saved(name: str, first: list[Any], then: list[Any]) -> None:
+def test_a_controller_continues_from_its_saved_memory(
+    name: str, first: list[Any], then: list[Any]
+) -> None:
     law, other = make(name), make(name)
     law.reset(state(0.0, (0.1, -0.2)))
     drive(law, first)
@@ -113,7 +115,7 @@ def test_a_law_goes_on_where_it_was_saved(name: str, first: list[Any], then: lis
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_two_instances_share_nothing(name: str) -> None:
+def test_two_instances_share_no_state(name: str) -> None:
     one, other = make(name), make(name)
     for law in (one, other):
         law.reset(state(0.0, (0.1, -0.2)))
@@ -123,7 +125,7 @@ def test_two_instances_share_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "oracle"])
-def test_after_a_reset_it_stays_at_the_handles_until_something_is_seen(name: str) -> None:
+def test_after_a_reset_it_holds_the_handles_until_a_target_is_seen(name: str) -> None:
     law = make(name)
     drive(law, [(100.0, -50.0, LATENCY_S)] * 40)
     law.reset(state(1.0, (0.3, -0.4)))
@@ -149,7 +151,7 @@ def test_the_view_turns_towards_the_target(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["pi", "pi_hc", "pi_simc", "pi_simc_hc", "smith"])
-def test_a_clipped_axis_integrates_only_its_way_back(name: str) -> None:
+def test_a_clipped_axis_integrates_only_away_from_its_limit(name: str) -> None:
     free, clipped = make(name), make(name)
     for law in (free, clipped):
         law.reset(state(0.0, (0.0, 0.0)))
@@ -166,7 +168,7 @@ def test_a_clipped_axis_integrates_only_its_way_back(name: str) -> None:
     assert back[-1] < back[0]
 
 
-def test_holding_still_is_holding_still() -> None:
+def test_still_holds_the_handles() -> None:
     law = make("still")
     law.reset(state(0.0, (0.1, -0.2)))
     assert set(drive(law, [(100.0, -50.0, LATENCY_S), None, Status.LOST] * 10)) == {(0.1, -0.2)}
@@ -184,7 +186,7 @@ def test_a_lost_target_stops_the_handles(name: str) -> None:
     assert course[-1] == pytest.approx(course[-2], abs=SETTLED_RAD)
 
 
-def test_the_oracle_is_no_law_for_a_bench() -> None:
+def test_the_oracle_is_refused_on_a_bench() -> None:
     with pytest.raises(ConfigError, match="the oracle needs the truth, which only a twin has"):
         registry.make("oracle", CAMERA)
 
@@ -202,8 +204,6 @@ def test_the_oracle_is_no_law_for_a_bench() -> None:
         ("smith", {"closed_loop_s": 0.0}, "closed_loop_s is 0; use a finite number above 0"),
     ],
 )
-def test_settings_that_cannot_be_used_are_refused(
-    name: str, changes: dict[str, Any], why: str
-) -> None:
+def test_settings_out_of_range_are_refused(name: str, changes: dict[str, Any], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         registry.configure(name, changes)

@@ -1,4 +1,4 @@
-"""What identification finds in logs of our own twins, and in logs of plants it knows nothing of."""
+"""Identification from logs of our own twins, and from logs of plants of another kind."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,7 +31,7 @@ VARIED = (
 
 
 def random_twin(seed: int) -> Instrument:
-    """An instrument with everything that is fitted 30 % more or less than usual."""
+    """An instrument with all fitted parameters up to 30 % off."""
     random = np.random.default_rng(seed)
     usual = Instrument()
     changes = {name: getattr(usual, name) * random.uniform(0.7, 1.3) for name in VARIED}
@@ -83,17 +83,17 @@ def truth(instrument: Instrument) -> dict[str, float]:
     }
 
 
-def check(found: CableFit, instrument: Instrument, wanted: set[str]) -> None:
-    """What is called determined is right to 10 %, and what must be determined is."""
+def check(found: CableFit, instrument: Instrument, expected: set[str]) -> None:
+    """Check that determined values are right to 10 %, and that the expected ones are determined."""
     right = truth(instrument)
     determined = {name for name, p in found.params.items() if p.determined}
     assert not found.misfit
-    assert wanted <= determined
+    assert expected <= determined
     for name in determined:
         assert found.params[name].value == pytest.approx(right[name], rel=0.1), name
     for name, p in found.params.items():
-        assert abs(p.value - right[name]) <= 3 * p.std, name  # an honest uncertainty
-    # noise of 0.1 deg, and less than as much again of the model's
+        assert abs(p.value - right[name]) <= 3 * p.std, name  # the uncertainty is realistic
+    # noise of 0.1 deg, and a smaller error of the model
     assert degrees(found.heldout_rms_rad) < 0.2
     assert found.play_heldout_rms_rad > 10 * found.heldout_rms_rad
 
@@ -114,8 +114,8 @@ def test_ten_twins_are_found(seed: int) -> None:
 
 
 @pytest.mark.parametrize("missing", [pytest.param(0.03, marks=pytest.mark.slow), 0.1, 0.25])
-def test_a_log_may_begin_anywhere(missing: float) -> None:
-    """In the first stroke out, in the one back, and after it; the model begins at rest."""
+def test_a_log_may_start_anywhere(missing: float) -> None:
+    """In the first stroke out, in the one back, and after it; the model starts at rest."""
     twin, whole = random_twin(0), log_of(random_twin(0), 0)
     rows = slice(int(missing * len(whole.t)), None)
     check(
@@ -123,18 +123,18 @@ def test_a_log_may_begin_anywhere(missing: float) -> None:
     )
 
 
-def test_a_geometry_that_is_not_its_determines_nothing() -> None:
-    """With 10 hinges instead of 12 k/K comes out 17 % too small, and the misfit shows."""
+def test_with_a_wrong_geometry_nothing_is_determined() -> None:
+    """With 10 hinges instead of 12, k/K is 17 % too small, and there is a misfit."""
     whole = log_of(random_twin(2), 2, tensions=True)  # which another test has recorded
     found = fit(HandleLog(whole.t, whole.handle, whole.bend), Geometry(hinges=10))
     assert found.misfit
     assert not any(p.determined for p in found.params.values())
 
 
-def test_slack_and_a_rubbing_sheath_are_found() -> None:
+def test_slack_and_sheath_friction_are_found() -> None:
     twin = Instrument(slack_m=0.0005, wire_stiffness=6000.0, sheath_friction_nm=0.004)
-    wanted = {"mu_wrap", "mu_section", "k_over_K", "slack_m", "sheath_over_K"}
-    check(fit(log_of(twin, 0), Geometry()), twin, wanted)
+    expected = {"mu_wrap", "mu_section", "k_over_K", "slack_m", "sheath_over_K"}
+    check(fit(log_of(twin, 0), Geometry()), twin, expected)
 
 
 def test_tensions_give_absolute_values() -> None:
@@ -148,16 +148,16 @@ def test_tensions_give_absolute_values() -> None:
 @pytest.mark.parametrize(
     ("plant", "worst"),
     [
-        # rounded turns and a bend-free width are those of a play and of no wire: a tie
+        # its width does not depend on the bend, as for a play but not for wires: a tie
         (bouc_wen, 1.08),
-        # several widths are neither's
+        # neither model has several widths
         (prandtl_ishlinskii, 0.7),
     ],
 )
-def test_a_plant_of_another_kind_is_seen_to_be_one(
+def test_a_plant_of_another_kind_is_a_misfit(
     plant: Callable[[Vector], Vector], worst: float
 ) -> None:
-    """No inverse crime here: nothing of the fitted model made this log."""
+    """Not an inverse crime: this log is not from the fitted model."""
     times, angles = zip(*triangle(2.0), strict=True)
     t = np.arange(0.0, times[-1], 0.02)
     handle = np.interp(t, times, angles)
@@ -169,7 +169,7 @@ def test_a_plant_of_another_kind_is_seen_to_be_one(
     assert found.misfit
     assert found.fit_rms_rad > 3 * found.noise_rad
     assert not any(p.determined for p in found.params.values())
-    # and yet it predicts: within 2 % of the range, no worse than what it left in the fitted part
+    # it still predicts: within 2 % of the range, no worse than in the fitted part
     assert found.heldout_rms_rad < 0.02 * np.ptp(bend)
     assert found.heldout_rms_rad < 1.3 * found.fit_rms_rad  # the last period is like the others
     assert found.heldout_rms_rad < worst * found.play_heldout_rms_rad
@@ -180,14 +180,14 @@ def test_a_plant_of_another_kind_is_seen_to_be_one(
     step=st.floats(0.01, 0.1),
     rows=st.integers(50, 300),
 )
-def test_thinning_keeps_turns_and_steps(corners: list[float], step: float, rows: int) -> None:
+def test_thinning_keeps_reversals_and_steps(corners: list[float], step: float, rows: int) -> None:
     handle = np.concatenate([np.linspace(a, b, rows) for a, b in pairwise(corners)])
     kept = thin(handle, step)
     assert kept[0] == 0
     assert all(a < b for a, b in pairwise(kept))
     most = float(np.abs(np.diff(handle)).max())
     assert np.abs(np.diff(handle[kept])).max(initial=0.0) <= step + most + 1e-9
-    # what lies between is off by no more than a step, a turn too small to keep, and a row
+    # the error between is at most a step, a reversal too small to keep, and a row
     between = np.interp(np.arange(len(handle)), kept, handle[kept])
     assert np.abs(between - handle)[: kept[-1]].max(initial=0.0) <= 1.25 * step + most + 1e-9
     for n in (handle.argmax(), handle.argmin()):

@@ -1,4 +1,4 @@
-"""Widths and deadbands of loops whose answer is known."""
+"""Widths and deadbands of known loops."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from endolock.control.transmission.plays import play
 from endolock.hw.api import Vector
 
 GAIN = 0.7
-"""Bend per handle while it follows."""
+"""Bend per handle angle while the bend follows."""
 
 
 def _follow(handle: Vector, width: float, dead: float) -> Vector:
-    """Bend behind an ideal play and a deadband around zero, by gain."""
+    """Bend after an ideal play, a deadband around zero and a gain."""
     start = handle[0] - width / 2 if handle[-1] > handle[0] else handle[0] + width / 2
     taken = play(handle, width / 2, float(start))
     return GAIN * np.sign(taken) * np.maximum(0.0, np.abs(taken) - dead / 2)
@@ -31,7 +31,7 @@ def _loop(play: float, dead: float = 0.0, noise: float = 0.0) -> tuple[Branch, B
 
 
 @given(play=st.floats(0.05, 1.0), bend=st.floats(-0.5, 0.5))
-def test_the_width_of_a_play_is_the_play(play: float, bend: float) -> None:
+def test_the_width_of_a_play_is_measured(play: float, bend: float) -> None:
     measured = width(*_loop(play), bend)
     assert measured == pytest.approx(play, abs=0.004)  # two rows of 2 mrad
 
@@ -42,30 +42,30 @@ def test_noise_hardly_changes_a_width() -> None:
     assert noisy == pytest.approx(0.4, abs=0.01)
 
 
-def test_a_bend_that_is_not_passed_has_no_width() -> None:
+def test_a_bend_that_is_not_reached_has_no_width() -> None:
     assert width(*_loop(0.4), 1.5) is None
 
 
 @pytest.mark.parametrize("noise_deg", [0.0, 0.05])
 @pytest.mark.parametrize("dead", [0.05, 0.2, 0.5])
-def test_a_deadband_is_told_from_the_play(dead: float, noise_deg: float) -> None:
+def test_a_deadband_is_distinguished_from_play(dead: float, noise_deg: float) -> None:
     for branch in _loop(0.3, dead, np.radians(noise_deg)):
         # noise of 0.05 deg blurs either edge by 1.2 mrad; a few rows
         assert deadband(branch) == pytest.approx(dead, abs=0.006)
 
 
-def test_play_alone_is_no_deadband() -> None:
+def test_play_alone_has_no_deadband() -> None:
     assert [deadband(branch) for branch in _loop(0.5, noise=np.radians(0.05))] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("play", [0.1, 0.6])
-def test_a_play_is_lost_at_the_turn(play: float) -> None:
+def test_a_play_is_lost_at_the_reversal(play: float) -> None:
     stroke = np.linspace(1.0, -1.0, 1001)
     taken = np.clip(stroke, -9, 1.0 - play)  # it starts from a turn at the other edge of the play
     lost = lost_after_turn(Branch(stroke, GAIN * taken))
     assert lost == pytest.approx(play, abs=0.004)  # two rows of 2 mrad
 
 
-def test_a_bend_that_never_follows_tells_nothing() -> None:
+def test_a_bend_that_never_follows_has_no_lost_motion() -> None:
     stroke = np.linspace(1.0, 0.0, 501)
     assert lost_after_turn(Branch(stroke, 0.05 * stroke)) is None

@@ -21,7 +21,7 @@ def test_a_pure_delay_is_found(true: float) -> None:
     assert found.jitter_s == pytest.approx(0.0, abs=1e-9)  # rounding
 
 
-def test_play_and_a_changing_gain_are_no_delay() -> None:
+def test_play_and_a_changing_gain_do_not_count_as_delay() -> None:
     """A play of 0.6 rad, and a tip that moves more the farther it is bent."""
     tip = np.zeros_like(HANDLE)
     for n in range(1, len(tip)):
@@ -30,7 +30,7 @@ def test_play_and_a_changing_gain_are_no_delay() -> None:
     assert found.latency_s == pytest.approx(0.4, abs=0.003)  # the gain changes within a stroke
 
 
-def test_noise_and_jitter_are_told() -> None:
+def test_noise_and_jitter_are_estimated() -> None:
     found = _measured(0.4, noise_rad=0.002, jitter_s=0.015)
     low, high = found.ci95_s
     assert high - low > 0.002  # not surer than it can be
@@ -51,7 +51,7 @@ def test_pictures_that_do_not_move_with_the_handle_are_refused() -> None:
     assert "do not move together" in found
 
 
-def test_a_handle_that_stands_still_is_refused() -> None:
+def test_a_handle_at_rest_is_refused() -> None:
     delivered = np.arange(0.0, T[-1], 0.04)
     found = latency_estimate.measure(
         latency_estimate.strokes(T, np.zeros_like(T)),
@@ -63,7 +63,7 @@ def test_a_handle_that_stands_still_is_refused() -> None:
     assert "made no steady stroke" in found
 
 
-def test_the_handle_never_turns_back_within_a_stroke() -> None:
+def test_the_handle_never_reverses_within_a_stroke() -> None:
     fine = np.arange(LEAD_S, LEAD_S + STROKE_S, 0.001)
     way = np.array([stroke_angle(t, 8) for t in fine])
     assert (np.diff(way) > 0).all()

@@ -1,4 +1,4 @@
-"""Uncertainties of a fit against the closed form, and where a log says nothing."""
+"""Uncertainties of a fit against the closed form, and without information."""
 
 from math import isfinite, sqrt
 
@@ -53,43 +53,43 @@ def test_it_does_not_depend_on_units() -> None:
     assert milli.parameter(1e3, {"slope": 1.0}).std == pytest.approx(1e3 * usual)  # rounding
 
 
-def test_noise_that_drags_on_counts_more() -> None:
+def test_correlated_noise_counts_more() -> None:
     """A moving average over m rows leaves N/m that are independent."""
     slow = np.convolve(RANDOM.standard_normal(N + 19), np.full(20, 1 / sqrt(20)), "valid")
     fast = slow[RANDOM.permutation(N)]
     stds = [_spread(LINE, off).parameter(1.0, {"offset": 1.0}).std for off in (fast, slow)]
-    # sqrt(20), or sqrt(39) by its neighbours alone, with which the Spread is content
+    # sqrt(20), or sqrt(39) from the correlation of neighbours alone, which Spread uses
     assert sqrt(20) * 0.8 < stds[1] / stds[0] < sqrt(39) * 1.2
 
 
 def test_an_error_of_the_model_does_not_average_out() -> None:
     once = _spread(LINE, model_error=1.0).parameter(1.0, {"offset": 1.0}).std
-    assert once == pytest.approx(1.0, rel=0.01)  # an offset by all of it; the noise is 0.005
+    assert once == pytest.approx(1.0, rel=0.01)  # all of it is an offset; the noise is 0.005
 
 
 @pytest.mark.parametrize("jacobian", [np.column_stack([RAMP, RAMP]), np.zeros((N, 2))])
-def test_what_has_no_effect_is_not_determined(jacobian: Vector) -> None:
-    """Of two numbers of which only the sum counts, and of two that do nothing."""
+def test_a_parameter_without_effect_is_not_determined(jacobian: Vector) -> None:
+    """Two parameters of which only the sum has an effect, and two without effect."""
     for name in NAMES:
-        told = _spread(jacobian).parameter(1.0, {name: 1.0})
-        assert isfinite(told.std)
-        assert told.std > 1e3
-        assert not told.determined
+        parameter = _spread(jacobian).parameter(1.0, {name: 1.0})
+        assert isfinite(parameter.std)
+        assert parameter.std > 1e3
+        assert not parameter.determined
 
 
 def test_the_sum_of_two_can_be_determined_where_neither_is() -> None:
-    told = _spread(np.column_stack([RAMP, RAMP])).parameter(1.0, {"offset": 1.0, "slope": 1.0})
-    assert told.determined
-    assert told.std == pytest.approx(0.3 * sqrt(3 / N), rel=0.1)  # as of one slope
+    parameter = _spread(np.column_stack([RAMP, RAMP])).parameter(1.0, {"offset": 1.0, "slope": 1.0})
+    assert parameter.determined
+    assert parameter.std == pytest.approx(0.3 * sqrt(3 / N), rel=0.1)  # as of one slope
 
 
-def test_a_bound_determines_nothing() -> None:
+def test_a_parameter_on_a_bound_is_not_determined() -> None:
     spread = _spread(LINE, stuck=(True, False))
     assert not spread.parameter(1.0, {"offset": 1.0}).determined
     assert spread.parameter(1.0, {"slope": 1.0}).determined
 
 
-def test_five_percent_are_the_limit() -> None:
+def test_five_percent_is_the_limit() -> None:
     spread = _spread(LINE)
     std = spread.parameter(1.0, {"offset": 1.0}).std
     assert spread.parameter(1.01 * std / DETERMINED, {"offset": 1.0}).determined

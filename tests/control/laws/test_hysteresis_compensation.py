@@ -18,11 +18,11 @@ SHAFT = {"pretensioned": (), "thesis": ("shaft_bend_deg=0",)}
 HALF = WIDTH * pi / 2  # half of 0.2 of 180 deg
 
 
-def course(settings: CompensationSettings, wanted: np.ndarray) -> np.ndarray:
-    """Compensation along a course of what a law wants."""
+def compensation(settings: CompensationSettings, goals: np.ndarray) -> np.ndarray:
+    """Compensation for a history of a controller's goals."""
     direction, out = Direction(), []
-    direction.behind = float(wanted[0])
-    for before, now in zip([wanted[0], *wanted[:-1]], wanted, strict=True):
+    direction.behind = float(goals[0])
+    for before, now in zip([goals[0], *goals[:-1]], goals, strict=True):
         out.append(follow(settings, direction, float(before), float(now), DT))
     return np.array(out)
 
@@ -33,53 +33,53 @@ def ramp(speed: float, seconds: float = 3.0) -> np.ndarray:
 
 @pytest.mark.parametrize("form", ["sign", "play", "ramp"])
 @pytest.mark.parametrize("speed", [0.3, -0.3])
-def test_in_steady_motion_it_is_half_the_width(form: str, speed: float) -> None:
+def test_in_steady_motion_compensation_is_half_the_width(form: str, speed: float) -> None:
     settings = CompensationSettings(form=form)  # type: ignore[arg-type]
-    assert course(settings, ramp(speed))[-1] == pytest.approx(np.sign(speed) * HALF, rel=1e-9)
+    assert compensation(settings, ramp(speed))[-1] == pytest.approx(np.sign(speed) * HALF, rel=1e-9)
 
 
-def test_smooth_follows_the_speed() -> None:
+def test_smooth_compensation_follows_the_speed() -> None:
     settings = CompensationSettings(form="smooth", smooth_rad_s=0.1)
     expected = HALF * tanh(0.05 / 0.1)
     # 3 s are 37 time constants of the speed's low-pass
-    assert course(settings, ramp(0.05))[-1] == pytest.approx(expected, rel=1e-6)
+    assert compensation(settings, ramp(0.05))[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_play_of_that_width_is_followed_exactly_both_ways() -> None:
-    wanted = np.concatenate([ramp(0.3), ramp(0.3)[-1] - ramp(0.3)])
-    handle = wanted + course(CompensationSettings(form="sign"), wanted)
+def test_compensation_cancels_a_play_of_the_same_width() -> None:
+    goals = np.concatenate([ramp(0.3), ramp(0.3)[-1] - ramp(0.3)])
+    handle = goals + compensation(CompensationSettings(form="sign"), goals)
     tip = play(handle, HALF)
-    settled = np.r_[20 : len(wanted) // 2, len(wanted) // 2 + 20 : len(wanted)]
-    assert tip[settled] == pytest.approx(wanted[settled], abs=1e-12)  # roundings only
+    settled = np.r_[20 : len(goals) // 2, len(goals) // 2 + 20 : len(goals)]
+    assert tip[settled] == pytest.approx(goals[settled], abs=1e-12)  # rounding only
 
 
-def test_switched_off_early_there_is_none_at_low_speed() -> None:
+def test_compensation_is_switched_off_at_low_speed() -> None:
     settings = CompensationSettings(form="sign", switch_off_rad_s=0.1)
-    assert course(settings, ramp(0.05))[-1] == 0.0
-    assert course(settings, ramp(0.3))[-1] == pytest.approx(HALF)
+    assert compensation(settings, ramp(0.05))[-1] == 0.0
+    assert compensation(settings, ramp(0.3))[-1] == pytest.approx(HALF)
 
 
-def test_a_speed_near_the_switch_off_does_not_switch_it_to_and_fro() -> None:
-    """Frames come in steps, so the speed has a ripple: here 30 %."""
+def test_speed_near_the_threshold_does_not_toggle_the_switch_off() -> None:
+    """Goals move in steps at each frame, so the speed has a ripple, here 30 %."""
     settings = CompensationSettings(form="sign")
     speeds = settings.switch_off_rad_s * (1 + 0.3 * (-1.0) ** np.arange(300))
     for start in (0.0, 0.3):  # from rest, and from a quick motion
-        wanted = np.cumsum(DT * np.concatenate([np.full(50, start), speeds]))
-        side = np.sign(course(settings, wanted))[50:]
+        goals = np.cumsum(DT * np.concatenate([np.full(50, start), speeds]))
+        side = np.sign(compensation(settings, goals))[50:]
         assert np.count_nonzero(np.diff(side)) <= 1
 
 
 @pytest.mark.parametrize("form", ["sign", "ramp"])
-def test_what_is_slower_than_the_switch_off_rests(form: str) -> None:
-    """No sign is taken from noise: with sign there is none, a ramp stays where it was."""
+def test_motion_below_the_threshold_counts_as_rest(form: str) -> None:
+    """Noise sets no sign: `sign` gives 0, and a ramp holds its value."""
     settings = CompensationSettings(form=form)  # type: ignore[arg-type]
     slow = 0.9 * settings.switch_off_rad_s
-    wanted = slow * DT * np.cumsum((-1.0) ** (np.arange(300) // 50))
-    assert np.abs(course(settings, wanted)).max() == 0.0
+    goals = slow * DT * np.cumsum((-1.0) ** (np.arange(300) // 50))
+    assert np.abs(compensation(settings, goals)).max() == 0.0
 
 
 @pytest.mark.parametrize("instrument", ["pretensioned", "thesis"])
-def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_off(
+def test_an_axis_with_a_target_at_rest_oscillates_only_without_the_switch_off(
     instrument: str,
 ) -> None:
     speeds = (1e-4, CompensationSettings().switch_off_rad_s)
@@ -101,20 +101,20 @@ def test_an_axis_without_target_motion_rests_and_rings_only_without_the_switch_o
     assert moved[CompensationSettings().switch_off_rad_s] < 1.5
 
 
-def test_a_ramp_takes_its_time_and_stays_where_motion_ends() -> None:
+def test_a_ramp_takes_its_time_and_holds_when_motion_ends() -> None:
     settings = CompensationSettings(form="ramp", ramp_s=0.4)
-    wanted = np.concatenate([ramp(0.3), ramp(0.3)[-1] - ramp(0.3, 1.0)])
-    side = course(settings, wanted)
+    goals = np.concatenate([ramp(0.3), ramp(0.3)[-1] - ramp(0.3, 1.0)])
+    side = compensation(settings, goals)
     turned = int(np.argmax(np.diff(side) < 0))
     there = int(np.argmax(side[turned:] <= -HALF + 1e-9))
     assert there * DT == pytest.approx(0.4, abs=2 * DT)  # counted in whole periods
-    rest = np.full(200, wanted[-1])
-    assert course(settings, np.concatenate([wanted, rest]))[-1] == pytest.approx(-HALF)
+    rest = np.full(200, goals[-1])
+    assert compensation(settings, np.concatenate([goals, rest]))[-1] == pytest.approx(-HALF)
 
 
-def test_noise_smaller_than_the_reversal_does_not_switch_a_play() -> None:
+def test_noise_below_the_reversal_does_not_reverse_a_play() -> None:
     settings = CompensationSettings(form="play", reversal_rad=0.01)
-    wanted = ramp(0.3)
-    wanted[100:] = wanted[100] + 0.004 * (-1.0) ** np.arange(len(wanted) - 100)
-    side = course(settings, wanted)[101:]
+    goals = ramp(0.3)
+    goals[100:] = goals[100] + 0.004 * (-1.0) ** np.arange(len(goals) - 100)
+    side = compensation(settings, goals)[101:]
     assert np.ptp(side) <= 0.8 * HALF + 1e-12  # 8 of 20 mrad from edge to edge

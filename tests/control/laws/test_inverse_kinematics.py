@@ -1,4 +1,4 @@
-"""Inverse kinematics: where it aims, how fast it follows, what it does without a target."""
+"""Inverse kinematics: its aim, its rate, and its behaviour without a target."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def _seen(right: float, down: float, status: Status = Status.TRACKING) -> Observ
     return Observation(t_capture=0.0, seq=0, status=status, target_px=(u + right, v + down))
 
 
-def test_it_goes_where_the_target_is_believed_to_be() -> None:
+def test_it_aims_at_the_assumed_position_of_the_target() -> None:
     law = InverseKinematics(CAMERA, IKSettings(rate_per_s=5.0))
     law.reset(AT_REST)
     law.update(0.0, AT_REST, _seen(90.0, -40.0))
@@ -49,7 +49,7 @@ def test_it_goes_where_the_target_is_believed_to_be() -> None:
     assert command.position[1] > 0  # right of it: turn right
 
 
-def test_it_follows_with_its_rate() -> None:
+def test_it_approaches_its_aim_at_its_rate() -> None:
     law = InverseKinematics(CAMERA, IKSettings(rate_per_s=2.0))
     law.reset(AT_REST)
     law.update(0.0, AT_REST, _seen(50.0, 0.0))
@@ -59,7 +59,7 @@ def test_it_follows_with_its_rate() -> None:
 
 
 @pytest.mark.parametrize("status", [Status.SEARCHING, Status.COASTING, Status.LOST])
-def test_without_a_target_it_stays(status: Status) -> None:
+def test_without_a_target_it_holds(status: Status) -> None:
     law = InverseKinematics(CAMERA)
     turned = replace(AT_REST, position=(0.3, -0.2))
     law.reset(turned)
@@ -70,7 +70,7 @@ def test_without_a_target_it_stays(status: Status) -> None:
     assert law.update(0.06, turned, None).position == gone
 
 
-def test_a_still_target_off_the_axis_is_brought_to_the_centre() -> None:
+def test_a_target_at_rest_is_brought_to_the_centre() -> None:
     with TwinRig("circle", pictures=False) as rig:
         # the slowest of circles stands still at its right end, 60 mm off
         motion = rig.scenario.motion[0].model_copy(update={"period_s": 1e6})
@@ -86,13 +86,13 @@ def test_a_still_target_off_the_axis_is_brought_to_the_centre() -> None:
 
 @pytest.mark.parametrize("name", ["target_distance_m", "bend_per_handle", "rate_per_s"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
-def test_impossible_beliefs_are_refused(name: str, value: float) -> None:
+def test_impossible_settings_are_refused(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"ik: {name} is {value:g}; use a finite number above 0"):
         IKSettings(**{name: value})  # type: ignore[arg-type]
 
 
 def test_a_measured_distance_replaces_the_assumed_one() -> None:
-    """At 6 cm the aim lies where the target is; assumed to be 12 cm away, farther out."""
+    """A target at 6 cm is aimed at exactly; assumed at 12 cm, the aim is farther out."""
     bends = {}
     for measured in (False, True):
         law = InverseKinematics(CAMERA, IKSettings(measured_distance=measured))

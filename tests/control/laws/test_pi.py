@@ -1,4 +1,4 @@
-"""The PI law, and how laws are found by name."""
+"""The PI controller, and controllers by name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def state(position: tuple[float, float] = (0.0, 0.0), clipped: tuple[int, int] =
 
 
 def seen(right_px: float, down_px: float) -> Observation:
-    """Observe the target so far from the centre."""
+    """Observe the target at an offset from the centre [px]."""
     u, v = CAMERA.centre_px
     pixel = (u + right_px, v + down_px)
     return Observation(t_capture=0.0, seq=0, status=Status.TRACKING, target_px=pixel)
@@ -54,7 +54,7 @@ def law(gains: PISettings | None = None, start: tuple[float, float] = (0.0, 0.0)
 def play(
     pi: PI, observation: Observation | None, ticks: int, clipped: tuple[int, int] = (0, 0)
 ) -> list[Command]:
-    """Show one frame, and go on without another."""
+    """Give one frame, then continue without frames."""
     return [
         pi.update(n * PERIOD_S, state(clipped=clipped), observation if n == 0 else None)
         for n in range(ticks)
@@ -90,7 +90,7 @@ def test_a_constant_error_gives_the_closed_form(
         assert command.position == pytest.approx(wanted, abs=ROUNDING)
 
 
-def test_the_integral_follows_the_clock_and_not_the_count() -> None:
+def test_the_integral_depends_on_time_and_not_on_the_number_of_ticks() -> None:
     even, uneven = law(PISettings(kp=0.0)), law(PISettings(kp=0.0))
     for t in (0.0, 0.02, 0.04, 0.06, 0.08, 0.10):
         one = even.update(t, state(), seen(50, 50))
@@ -113,7 +113,7 @@ def test_reset_is_bumpless() -> None:
 
 @pytest.mark.parametrize("clipped", [1, -1])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_clipped_axis_stops_integrating_and_the_other_goes_on(axis: int, clipped: int) -> None:
+def test_a_clipped_axis_stops_integrating_and_the_other_continues(axis: int, clipped: int) -> None:
     flags = (clipped, 0) if axis == 0 else (0, clipped)
     outward = seen(50 * clipped, -50 * clipped)  # both axes are asked for more of that sign
     pi = law(PISettings(kp=0.0, ki=1.0))
@@ -124,7 +124,7 @@ def test_a_clipped_axis_stops_integrating_and_the_other_goes_on(axis: int, clipp
 
 
 @pytest.mark.parametrize("clipped", [1, -1])
-def test_a_clipped_axis_integrates_its_way_back(clipped: int) -> None:
+def test_a_clipped_axis_integrates_away_from_its_limit(clipped: int) -> None:
     pi = law(PISettings(kp=0.0, ki=1.0))
     inward = seen(-50 * clipped, 50 * clipped)
     back = play(pi, inward, 51, (clipped, clipped))[-1]
@@ -144,7 +144,7 @@ def test_without_a_target_there_is_no_error(status: Status) -> None:
     assert later.position == blind.position
 
 
-def test_two_laws_share_nothing() -> None:
+def test_two_controllers_share_no_state() -> None:
     alone, one, other = law(), law(), law(start=(-0.5, 0.5))
     for n in range(20):
         wanted = alone.update(n * PERIOD_S, state(), seen(30, -20))
@@ -161,11 +161,11 @@ def test_bad_gains_are_refused(gain: str, value: float, text: str) -> None:
     assert str(caught.value) == f"pi: {gain} is {text}; use a finite number, 0 or more"
 
 
-def test_a_law_is_found_by_its_name() -> None:
+def test_a_controller_is_found_by_its_name() -> None:
     assert isinstance(registry.make("pi", CAMERA), PI)
     assert registry.make("pi", CAMERA) is not registry.make("pi", CAMERA)
 
 
-def test_an_unknown_law_is_refused() -> None:
+def test_an_unknown_controller_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"^controller 'pid' is unknown; use .*\bpi\b.*; did you"):
         registry.make("pid", CAMERA)

@@ -1,4 +1,4 @@
-"""The capstan model as the lock's own: its inverse, its search, and when it is believed."""
+"""The capstan model inside the lock: its inverse, its search, and when it is used."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TRUE = CapstanParameters(
     video_turn_rad=0.05,
     shift_s=0.02,
 )
-"""A plant of the model's own kind, turned video and all."""
+"""A plant of the same kind as the model, with a rotated video."""
 
 
 @given(
@@ -47,7 +47,7 @@ TRUE = CapstanParameters(
     st.floats(-0.8, 0.8),
 )
 @settings(deadline=None)
-def test_the_inverse_brings_about_the_bend(
+def test_the_inverse_gives_the_bend(
     turns: list[float], further: float, sign: int, other: float
 ) -> None:
     axis = Axis(TIGHT, Geometry())
@@ -55,21 +55,21 @@ def test_the_inverse_brings_about_the_bend(
     for turn in turns:
         for handle in np.linspace(at, turn, 40)[1:].tolist():
             axis.follow(handle, 0.2, other)
-        axis.follow(turn, 0.2, other)  # and stands
+        axis.follow(turn, 0.2, other)  # and stops
         at = turn
-    wanted = axis.bend_rad + sign * further
-    handle = axis.handle_for(wanted, 0.2, other)
+    desired = axis.bend_rad + sign * further
+    handle = axis.handle_for(desired, 0.2, other)
     assert (handle - at) * sign > 0
-    # the friction in the section is that of the wanted bend here, of the present one there
-    assert axis.follow(handle, 0.2, other) == pytest.approx(wanted, abs=0.15 * further)
+    # the inverse has the section's friction at the desired bend, the model at the present one
+    assert axis.follow(handle, 0.2, other) == pytest.approx(desired, abs=0.15 * further)
 
 
-def test_a_state_goes_on_where_it_was() -> None:
-    one, other = Axis(TIGHT, Geometry()), Axis(TIGHT, Geometry())
+def test_a_restored_state_continues() -> None:
+    first, second = Axis(TIGHT, Geometry()), Axis(TIGHT, Geometry())
     for handle in (0.3, 0.8, 0.1):
-        one.follow(handle, 0.1, 0.2)
-    other.state = one.state
-    assert other.follow(0.4, 0.1, 0.2) == one.follow(0.4, 0.1, 0.2)
+        first.follow(handle, 0.1, 0.2)
+    second.state = first.state
+    assert second.follow(0.4, 0.1, 0.2) == first.follow(0.4, 0.1, 0.2)
 
 
 def _exercise(t: Vector) -> Vector:
@@ -79,7 +79,7 @@ def _exercise(t: Vector) -> Vector:
 
 
 def _frames(t: Vector, handles: Vector) -> list[tuple[float, float, float]]:
-    """What a camera would see of a target that moves smoothly, with the plant `TRUE`."""
+    """Frames of a smoothly moving target, with the plant `TRUE`."""
     rollout = CapstanRollout(TRUE, ([], []))
     rollout.follow([(a, b) for a, b in handles.tolist()])
     bends = np.array(rollout.bends)
@@ -88,7 +88,7 @@ def _frames(t: Vector, handles: Vector) -> list[tuple[float, float, float]]:
     bend = np.column_stack([np.interp(moments, t, column) for column in bends.T])
     target = np.column_stack([0.3 * np.cos(0.8 * moments), 0.3 * np.sin(0.6 * moments)])
     c, s = np.cos(TRUE.video_turn_rad), np.sin(TRUE.video_turn_rad)
-    off = (target - bend) @ np.array([[c, -s], [s, c]])  # turned the other way
+    off = (target - bend) @ np.array([[c, -s], [s, c]])  # rotated the other way
     return [(float(e), float(x), float(y)) for e, (x, y) in zip(exposed, off, strict=True)]
 
 
@@ -105,15 +105,15 @@ def _searched(steps: int = 14) -> tuple[Search, int]:
     return search, slices
 
 
-def test_the_search_finds_the_plant_from_what_the_lock_sees() -> None:
+def test_the_search_identifies_the_plant_from_the_frames() -> None:
     search, _ = _searched()
-    assert search.misfit_rad < 0.003  # splines leave that much of the target
-    # shapes are told, the slope hardly: stiffness and slack make up for each other
+    assert search.misfit_rad < 0.003  # the splines' residual of the target
+    # shapes are determined, the slope hardly: stiffness and slack compensate for each other
     assert search.parameters.conduit_exponent == pytest.approx(TRUE.conduit_exponent, abs=0.1)
     assert search.parameters[CABLE:] == pytest.approx(TRUE[CABLE:], abs=0.01)
 
 
-def test_a_step_never_makes_it_worse() -> None:
+def test_a_step_never_raises_the_cost() -> None:
     t = np.arange(0.0, 27.0, 0.02)
     handles = _exercise(t)
     frames = _frames(t, handles)
@@ -124,7 +124,7 @@ def test_a_step_never_makes_it_worse() -> None:
             online_capstan.work(search)
         misfits.append(search.misfit_rad)
     assert misfits[-1] < misfits[0] / 2
-    # the prior has a say as well, so the misfit alone may rise a little
+    # the cost includes the prior, so the misfit alone may rise a little
     assert all(b < a * 1.05 for a, b in pairwise(misfits))
 
 
@@ -144,7 +144,7 @@ def _state(t: float, handles: tuple[float, float]) -> State:
     )
 
 
-def test_without_a_capstan_it_is_the_plays() -> None:
+def test_without_a_capstan_the_plays_are_used() -> None:
     model = at_rest((0.1, -0.2))
     for n, turn in enumerate(np.linspace(0, 1.0, 50).tolist()):
         model.follow(_state(0.02 * n, (0.1 + turn, -0.2 - turn)))
@@ -155,17 +155,17 @@ def test_without_a_capstan_it_is_the_plays() -> None:
     assert len(model.axes[0].outputs) == len(RADII)
 
 
-@pytest.mark.parametrize(("misfit", "believed"), [(0.5, True), (1.1, True), (1.3, False)])
-def test_the_capstan_is_believed_where_it_leaves_no_more(misfit: float, believed: bool) -> None:
+@pytest.mark.parametrize(("misfit", "used"), [(0.5, True), (1.1, True), (1.3, False)])
+def test_the_capstan_is_used_while_its_residual_is_no_larger(misfit: float, used: bool) -> None:
     model = InternalModel(misfit_rad=0.004)
     t = np.arange(0.0, 20.0, 0.02)
     model.times, model.bends = t.tolist(), [(0.0, 0.0)] * len(t)
     model.search.steps, model.search.misfit_rad = 5, 0.004 * misfit
     model._choose()
-    assert model.capstan_used is believed
+    assert model.capstan_used is used
 
 
-def test_one_that_leaves_little_is_not_given_up() -> None:
+def test_a_capstan_with_a_small_residual_is_kept() -> None:
     model = InternalModel(misfit_rad=1e-3, capstan_used=True)
     t = np.arange(0.0, 20.0, 0.02)
     model.times, model.bends = t.tolist(), [(0.0, 0.0)] * len(t)
@@ -177,7 +177,7 @@ def test_one_that_leaves_little_is_not_given_up() -> None:
     assert not model.capstan_used
 
 
-def test_the_lock_believes_it_on_the_twin_and_bends_as_it_says() -> None:
+def test_the_lock_adopts_the_capstan_on_the_twin_and_its_bend_is_right() -> None:
     rig = TwinRig("straight", pictures=False)
     with rig:
         rig.clock.sleep_until(0.0)
@@ -187,10 +187,10 @@ def test_the_lock_believes_it_on_the_twin_and_bends_as_it_says() -> None:
     assert run.ticks[-1].signals["capstan"] == 1.0
     later = [tick for tick in run.ticks if tick.t > 40.0]
     true = np.array([tick.truth.plant.bend_rad[1] for tick in later if tick.truth])
-    told = np.array([tick.signals["bend_left_right_rad"] for tick in later])
-    # in one mode of handle motion slopes are not told: shape alone counts
-    slope = np.polyfit(told, true, 1)
-    assert np.std(true - np.polyval(slope, told)) < 0.1 * np.std(true)
+    modelled = np.array([tick.signals["bend_left_right_rad"] for tick in later])
+    # one mode of handle motion does not determine the slope: only the shape counts
+    slope = np.polyfit(modelled, true, 1)
+    assert np.std(true - np.polyval(slope, modelled)) < 0.1 * np.std(true)
 
 
 def test_a_plant_without_hysteresis_needs_no_capstan() -> None:

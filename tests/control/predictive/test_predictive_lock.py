@@ -36,7 +36,7 @@ def test_constant_velocity_is_predicted_exactly(speed: float, start: float) -> N
     mover = Mover(0.5)
     for t in np.arange(0.0, 6.0, FRAME_S).tolist():
         mover.update(t, (start + speed * t, -speed * t), 1e-8)
-    # what is left of the first guess, that nothing moves, after 150 frames
+    # the remainder of the initial guess of no motion after 150 frames
     assert mover.at(7.0) == pytest.approx((start + 7 * speed, -7 * speed), abs=1e-3)
 
 
@@ -60,7 +60,7 @@ def test_a_period_is_found_and_not_its_multiple(period: float) -> None:
         phase = 2 * pi * t / period
         place = (0.3 * (1 - np.cos(phase)) + 0.05 * np.cos(2 * phase), 0.1 * np.sin(phase))
         harmonic.update(t, (float(place[0]), float(place[1])))
-    assert harmonic.period_s == pytest.approx(period, rel=0.01)  # the scan is 0.5 % fine
+    assert harmonic.period_s == pytest.approx(period, rel=0.01)  # the step of the scan is 0.5 %
     ahead = harmonic.at(32.0 + HORIZON_S)
     phase = 2 * pi * (32.0 + HORIZON_S) / period
     expected = 0.3 * (1 - np.cos(phase)) + 0.05 * np.cos(2 * phase)
@@ -68,25 +68,25 @@ def test_a_period_is_found_and_not_its_multiple(period: float) -> None:
     assert ahead[0] == pytest.approx(expected, abs=0.01)
 
 
-def test_the_bank_believes_what_was_right() -> None:
+def test_the_bank_selects_the_predictor_that_was_right() -> None:
     def strokes(t: float) -> tuple[float, float]:
         return 0.3 * (1 - float(np.cos(2 * pi * t / 8.6))), 0.0
 
     bank = Bank([Mover(0.02, still=True), Mover(0.5)], Harmonic())
-    feed(bank, strokes, 45.0)  # until what it said before it knew the period is forgotten
+    feed(bank, strokes, 45.0)  # until predictions from before the period was known have decayed
     assert bank.chosen == 2
     still = Bank([Mover(0.02, still=True), Mover(0.5)], Harmonic())
     random = np.random.default_rng(0)
     feed(still, lambda t: tuple((0.02 * random.standard_normal(2)).tolist()))
-    assert still.chosen != 1  # noise is no velocity
+    assert still.chosen != 1  # noise is not velocity
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_weights_and_latency_are_identified_from_the_lock_itself(noise: float) -> None:
+def test_weights_and_latency_are_identified_from_frames(noise: float) -> None:
     times = np.arange(0.0, 25.0, 0.02)
     random = np.random.default_rng(1)
     target = 0.3 * (1 - np.cos(2 * pi * times / 8.6)) + 0.05 * np.sin(2 * pi * times / 3.1)
-    # Handles that go from turn to turn in strokes of all sizes, so that each play shows.
+    # Strokes of all sizes, so that every play moves.
     turns = random.uniform(-0.9, 0.9, 26)
     handle = np.interp(times, np.arange(26.0), turns)
     plays = np.stack([np.column_stack([play(handle, r) for r in RADII])] * 2, axis=1)
@@ -105,10 +105,12 @@ def test_weights_and_latency_are_identified_from_the_lock_itself(noise: float) -
     assert weights is not None
     width = 2 * (weights @ RADII) / weights.sum()
     expected = 2 * (true @ RADII) / true.sum()
-    assert width == pytest.approx(expected, rel=0.05)  # splines take a little of the turns
+    assert width == pytest.approx(
+        expected, rel=0.05
+    )  # the splines absorb a little of the reversals
 
 
-def test_a_handle_that_stands_still_tells_nothing() -> None:
+def test_a_handle_at_rest_identifies_nothing() -> None:
     times = np.arange(0.0, 25.0, 0.02)
     t = np.arange(1.0, 24.0, FRAME_S)
     plays = np.zeros((len(times), 2, len(RADII)))
@@ -129,32 +131,32 @@ def locked(law: str, name: str, seconds: float, plays: Plays, **changes: float) 
 
 
 @pytest.mark.parametrize("latency", [0.2, 0.6])
-def test_it_locks_without_knowing_the_width(latency: float) -> None:
+def test_the_lock_works_without_knowing_the_width(latency: float) -> None:
     score = locked("predictive_bank", "straight", 60.0, ONE_PLAY, **{"camera.latency_s": latency})
-    assert score["rms"] < 10  # the gate on the twin; here there is one play and nothing else
+    assert score["rms"] < 10  # the limit on the twin; here the plant is a single play
     assert score["lost"] == 0
 
 
-def test_a_latency_that_is_believed_wrongly_is_found() -> None:
+def test_a_wrong_latency_is_identified() -> None:
     wrong = {"camera.latency_s": 0.48, "camera.nominal_latency_s": 0.4}
     assert locked("predictive_bank", "circle", 60.0, ONE_PLAY, **wrong)["rms"] < 12
 
 
-def test_at_rest_it_rests() -> None:
+def test_with_a_target_at_rest_the_handles_rest() -> None:
     noisy = {"camera.truth_noise_px": 0.3}
     score = locked("predictive_bank", "rest", 40.0, ONE_PLAY, **noisy)
-    assert score["rms"] <= 1.0  # the gate
+    assert score["rms"] <= 1.0  # the limit in the acceptance test
     assert score["reversals_per_s"] <= 0.5
 
 
-def test_it_turns_cautious_when_reversals_multiply_and_back() -> None:
+def test_many_reversals_make_it_cautious_for_a_while() -> None:
     rig = SurrogateRig("rest", transmission=ONE_PLAY)
     law = registry.make("predictive_bank", rig.camera.calibration)
     assert isinstance(law, Predictive)
     with rig:
         rig.actuators.enable()
         law.reset(rig.actuators.exchange(None))
-        told = []
+        cautious = []
         for n in range(600):
             t = rig.clock.sleep_until(0.02 * n)
             state = rig.actuators.exchange(None)
@@ -165,19 +167,19 @@ def test_it_turns_cautious_when_reversals_multiply_and_back() -> None:
                 u, v = seen.target_px
                 seen = type(seen)(**{**vars(seen), "target_px": (u + shaken, v)})
             law.update(t, state, seen)
-            told.append(law.signals["cautious"])
-    assert max(told[100:300]) == 1.0
-    assert told[-1] == 0.0
+            cautious.append(law.signals["cautious"])
+    assert max(cautious[100:300]) == 1.0
+    assert cautious[-1] == 0.0
 
 
-def test_its_inside_is_told() -> None:
+def test_signals_show_the_internal_model() -> None:
     rig = SurrogateRig("straight", transmission=plays_of(Instrument(), 180.0))
     law = registry.make("predictive_bank", rig.camera.calibration)
     with rig:
         rig.clock.sleep_until(0.0)
         run = loop.run(rig, TruthEyes(rig.truth), law, duration_s=30.0)
-    told = run.ticks[-1].signals
-    assert 0.1 < told["width_left_right_rad"] / pi < 0.3  # 0.2 of 180 deg, about
-    assert told["width_std_left_right_rad"] < 0.1
-    assert abs(told["latency_off_s"]) < 0.02
-    assert told["width_up_down_rad"] == 0.0  # that handle never moved
+    signals = run.ticks[-1].signals
+    assert 0.1 < signals["width_left_right_rad"] / pi < 0.3  # 0.2 of 180 deg, about
+    assert signals["width_std_left_right_rad"] < 0.1
+    assert abs(signals["latency_off_s"]) < 0.02
+    assert signals["width_up_down_rad"] == 0.0  # that handle never moved

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from endolock.control.transmission.cable import SMALLEST, compliances, friction_ratios, slip_slopes
 
-A = st.floats(0.1, 3.0)  # below, the floors of the lumped form take over
+# a is the exponent of the conduit, b that of the section, as in the formulas of cable.py
+A = st.floats(0.1, 3.0)  # below, the lower limits of the lumped form apply
 B = st.floats(0.0, 1.0)
 NODES = st.integers(1, 5)
 
@@ -18,7 +19,7 @@ NODES = st.integers(1, 5)
 def test_nodes_in_a_row_have_the_slip_slopes_of_the_whole_cable(
     a: float, b: float, nodes: int
 ) -> None:
-    """While all slide, each tension is e^(+-a/n) of the next one, and e^(+-b) more at the last."""
+    """While all nodes slide, tensions differ by e^(+-a/n), and at the last node by e^(+-b) more."""
     springs = compliances(a, b, nodes)
     assert len(springs) == nodes + 1
     for slope, sign in zip(slip_slopes(a, b), (1, -1), strict=True):
@@ -35,7 +36,7 @@ def test_the_friction_bounds_are_the_capstan_ratio(a: float, b: float, nodes: in
 
 
 @given(a=A, b=B)
-def test_a_pull_costs_more_than_a_release_gives(a: float, b: float) -> None:
+def test_pulling_needs_more_travel_per_tension_than_releasing(a: float, b: float) -> None:
     pull, release = slip_slopes(a, b)
     assert pull > 1 > release > 0
 

@@ -66,7 +66,7 @@ def test_aim_inverts_forward(bend: tuple[float, float], distance_m: float) -> No
     assert kinematics.aim(SECTION, target) == pytest.approx(bend, abs=1e-9)
 
 
-def test_a_target_behind_is_aimed_at_as_far_as_it_goes() -> None:
+def test_a_target_behind_is_aimed_at_with_the_largest_bend() -> None:
     bend = kinematics.aim(SECTION, np.array([0.05, 0.0, -1.0]))
     assert bend == pytest.approx((0.0, kinematics.LARGEST_BEND_RAD))
 

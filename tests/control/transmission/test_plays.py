@@ -24,14 +24,14 @@ def after(history: list[float]) -> Hysteresis:
 
 
 @given(history=HISTORIES, bend=st.floats(-1.5, 1.5))
-def test_the_inverse_brings_about_the_bend_from_any_past(history: list[float], bend: float) -> None:
+def test_the_inverse_gives_the_bend_from_any_state(history: list[float], bend: float) -> None:
     axis = after(history)
     handle = axis.handle_for(bend)
     assert axis.follow(handle) == pytest.approx(bend, abs=ROUNDING)
 
 
 @given(history=HISTORIES, end=st.floats(-2, 2), cuts=st.integers(1, 20))
-def test_only_the_turns_count_not_the_rate(history: list[float], end: float, cuts: int) -> None:
+def test_only_the_reversals_count_not_the_rate(history: list[float], end: float, cuts: int) -> None:
     quick, slow = after(history), after(history)
     start = history[-1] if history else 0.0
     for n in range(1, cuts + 1):
@@ -47,7 +47,7 @@ def test_a_small_loop_closes(history: list[float], out: float) -> None:
     assert axis.follow(2.0) == pytest.approx(before, abs=ROUNDING)
 
 
-def test_one_play_loses_its_width_at_each_turn() -> None:
+def test_a_play_loses_its_width_at_each_reversal() -> None:
     axis = Hysteresis(Plays(radii=(0.3,), weights=(0.9,)))
     top = axis.follow(1.0)
     assert top == pytest.approx(0.9 * 0.7, abs=ROUNDING)
@@ -55,7 +55,7 @@ def test_one_play_loses_its_width_at_each_turn() -> None:
     assert axis.follow(1.0 - 0.7) == pytest.approx(top - 0.9 * 0.1, abs=ROUNDING)
 
 
-def test_where_nothing_is_wanted_the_handle_goes_to_the_middle_of_the_deadband() -> None:
+def test_for_the_present_bend_the_handle_goes_to_the_middle_of_the_deadband() -> None:
     axis = Hysteresis(Plays(radii=(0.3,), weights=(0.9,)))
     axis.follow(1.0)
     assert axis.handle_for(axis.bend_rad) == pytest.approx(0.7, abs=ROUNDING)
@@ -74,8 +74,6 @@ def test_a_fit_finds_the_weights() -> None:
 @pytest.mark.parametrize(
     ("radii", "weights"), [((), ()), ((0.1,), (0.0,)), ((-0.1,), (1.0,)), ((0.1, 0.2), (1.0,))]
 )
-def test_plays_that_are_none_are_refused(
-    radii: tuple[float, ...], weights: tuple[float, ...]
-) -> None:
+def test_impossible_plays_are_refused(radii: tuple[float, ...], weights: tuple[float, ...]) -> None:
     with pytest.raises(ConfigError, match="give the same number of each"):
         Plays(radii=radii, weights=weights)

@@ -1,4 +1,4 @@
-"""The quasi-static axis against the closed form and against the MuJoCo twin, which knows it not."""
+"""The quasi-static axis against the closed form and against the independent MuJoCo twin."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -35,8 +35,8 @@ OTHERS = sorted({*instrument_files.names()} - {"slack", "two_region"})
     "name",
     ["slack", "two_region", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)],
 )
-def test_a_twin_of_fewer_hinges_moves_alike(name: str) -> None:
-    """With those of `fast`; the usual number is one of the checks of the model card."""
+def test_a_twin_with_fewer_hinges_moves_the_same(name: str) -> None:
+    """With the hinges of `fast`; the usual number is one of the checks of the model card."""
     instrument, numerics = instrument_files.load(name), NUMERICS["fast"]
     plant = still(instrument, numerics, shaft_deg=180.0)
     motion = turn(plant, [(0, 0), (20, 2.0), (60, -2.0), (100, 2.0), (112, 0.8), (120, 1.6)])
@@ -49,8 +49,8 @@ def test_a_twin_of_fewer_hinges_moves_alike(name: str) -> None:
     assert pulls == pytest.approx(measured, abs=0.2)  # of some 30 N
 
 
-def test_the_other_axis_counts_too() -> None:
-    """Its handle is turned first; its wires cross the bend and its bend adds to the friction."""
+def test_the_other_axis_matters() -> None:
+    """Its handle moves first; its wires cross the bend and its bend adds to the friction."""
     instrument = Instrument()
     plant = still(instrument)
     other = turn(plant, [(0, 0), (15, 1.2)], axis=1)
@@ -61,7 +61,7 @@ def test_the_other_axis_counts_too() -> None:
         axis.follow(0.0, handle, bend)
     beside = 1.2, float(other.bend[-1])
     bends = [axis.follow(angle, *beside) for angle in (start.handle[-1], *motion.handle[::10])]
-    # the held axis gives way by a degree or two meanwhile, which a bench would see and give
+    # the held axis yields by a degree or two meanwhile, which a bench would measure and pass
     assert np.abs(np.degrees(bends[1:] - motion.bend[::10])).max() < 1.5
 
 
@@ -80,7 +80,7 @@ def test_one_wire_follows_the_closed_form(pulling: bool) -> None:
 
 @settings(max_examples=20)
 @given(corners=st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=6))
-def test_only_the_path_counts_and_mirrors(corners: list[float]) -> None:
+def test_only_the_path_counts_and_mirroring_holds(corners: list[float]) -> None:
     points = [0.0, *corners]
     coarse, fine = (
         np.concatenate(
