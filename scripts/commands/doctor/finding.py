@@ -1,4 +1,4 @@
-"""What the checks of the doctor find."""
+"""Results of the checks of `endolock doctor`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found."""
+    """Result of one check."""
 
     name: str
-    """Of the check."""
+    """Name of the check."""
     ok: bool
-    """Whether all is well."""
+    """Whether the check passed."""
     text: str
     """What was found."""
     advice: str = ""
-    """What to do next; empty if all is well."""
+    """What to do next; empty if the check passed."""
