@@ -47,7 +47,7 @@ class BoardFit(NamedTuple):
 
 
 class MarkerEyes:
-    """Finds one board in the pictures of one camera, first near its last position.
+    """Eyes that find one board by its markers, first near its last position.
 
     Args:
         calibration: geometry of the camera.

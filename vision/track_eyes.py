@@ -28,7 +28,7 @@ Selection = tuple[int, int, int, int]
 
 
 class TrackEyes:
-    """Follows one target.
+    """Eyes that follow a selected target without markers.
 
     Args:
         calibration: the camera's geometry.

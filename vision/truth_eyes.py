@@ -9,7 +9,7 @@ from endolock.vision.observation import Lock, Observation
 
 
 class TruthEyes:
-    """Takes the target of each frame from the truth, if it is in the picture and not hidden.
+    """Eyes that take the target from the ground truth, if it is in the picture and not hidden.
 
     Args:
         truth: ground truth of the simulation; it must keep the exposures of frames under way.

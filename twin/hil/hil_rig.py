@@ -44,7 +44,7 @@ FAREWELL_S = 10.0
 
 
 class HilRig(ClosingRig):
-    """A twin behind a serial line; see `TwinRig`.
+    """A twin behind an emulated serial line, with the interface of `TwinRig`.
 
     Args:
         scenario: name, TOML file or loaded scenario.

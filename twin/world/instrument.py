@@ -23,7 +23,7 @@ MAY_BE_ZERO = (
 
 @dataclass(frozen=True, kw_only=True)
 class Instrument:
-    """Bending section, wires, conduit and handle of one endoscope; the defaults are `pretensioned`.
+    """Bending section, wires, conduit and handles of an endoscope; by default `pretensioned`.
 
     Sources: *literature* means published data on gastroscopes and colonoscopes in general;
     *assumed* means a plausible value that is not confirmed by any measurement.

@@ -31,7 +31,7 @@ FOLDER = "scenarios"
 
 
 class Scenario(Section):
-    """A whole run; every value can be given in a TOML file of the same structure."""
+    """All that happens in a run; every value can be given in a TOML file of the same structure."""
 
     name: str
     """Name, from the file name."""
