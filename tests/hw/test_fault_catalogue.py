@@ -181,7 +181,7 @@ def _is(guard: Guard, mode: Mode) -> bool:
 
 
 @pytest.mark.parametrize("case", CATALOGUE.values(), ids=CATALOGUE.keys())
-def test_it_stops_says_why_and_waits_to_be_told(case: Case) -> None:
+def test_each_fault_stops_with_its_reason_and_stays_latched(case: Case) -> None:
     bench = Emulated()
     with bench.guard as guard:
         guard.enable()

@@ -240,7 +240,7 @@ def test_a_command_must_expire(guard: Guard, valid_for: float) -> None:
     assert guard.mode is Mode.HOLDING
 
 
-def test_clipping_is_told_as_long_as_it_lasts(bench: BenchDrive) -> None:
+def test_clipping_is_reported_while_it_lasts(bench: BenchDrive) -> None:
     with Guard(bench) as guard:
         guard.enable()
         guard.exchange(Command(position=(9.0, -9.0), valid_for=60.0))

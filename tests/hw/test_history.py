@@ -75,7 +75,7 @@ def test_position_and_velocity_are_weighted_by_nearness() -> None:
     assert history.at(1.25).position == (1.0, 12.5)  # exact: quarters in binary
 
 
-def test_outside_there_is_nothing() -> None:
+def test_outside_the_remembered_span_there_is_no_state() -> None:
     with pytest.raises(LookupError, match=r"t = 1\.000 s; remembered is nothing$"):
         History().at(1.0)
     history, _ = remember([1.0, 1.5])

@@ -51,13 +51,13 @@ def test_the_camera_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> 
         ("baud == 1\n", "is not TOML"),
     ],
 )
-def test_what_cannot_be_is_one_line(text: str, said: str, tmp_path: Path) -> None:
+def test_unusable_values_are_one_line(text: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=said) as caught:
         bench_file.load(write(tmp_path, text))
     assert "\n" not in str(caught.value)
 
 
-def test_a_run_wants_zeros_that_last(tmp_path: Path) -> None:
+def test_a_run_needs_calibrated_zeros(tmp_path: Path) -> None:
     path = write(tmp_path, "[handle.up_down]\nid = 1\nzero_counts = 2048\n")
     with pytest.raises(ConfigError, match="tells no zero_counts of both handles") as caught:
         rigs.bench_of("serial:PORT", path)

@@ -50,7 +50,7 @@ def test_a_video_is_read_with_its_stamps(tmp_path: Path) -> None:
         assert np.abs(frame.image.astype(int) - picture).max() < 12
 
 
-def test_identical_pictures_are_told_to_be_repeated(tmp_path: Path) -> None:
+def test_identical_pictures_are_marked_repeated(tmp_path: Path) -> None:
     path, pictures = _video(tmp_path, repeat=2)
     frames = list(video(path, [(0.1 * n, 0.1 * n) for n in range(len(pictures))]))
     assert [f.repeated for f in frames] == [n % 2 == 1 for n in range(len(pictures))]

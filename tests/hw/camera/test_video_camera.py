@@ -194,7 +194,7 @@ def test_dropped_counts_what_was_overtaken(device: Device) -> None:
     assert sum(frame.dropped for frame in frames) == 10 - len(frames)
 
 
-def test_a_frozen_stream_is_told_to_be_repeated(stream: Stream) -> None:
+def test_frames_of_a_frozen_stream_are_marked_repeated(stream: Stream) -> None:
     stream.send(5)
     with closing(_camera(stream.address)) as camera:
         assert not _latest(camera).repeated
@@ -255,7 +255,7 @@ def test_a_file_plays_at_its_own_rate_and_ends(tmp_path: Path, name: str, code: 
         assert frame.t_available >= start + frame.seq / 25.0  # never early, at 25 Hz
 
 
-def test_a_device_is_asked_for_what_is_wanted(device: Device) -> None:
+def test_the_settings_are_requested_from_a_device(device: Device) -> None:
     clock = WallClock()
     with closing(VideoCamera("/dev/video3", CALIBRATION, clock, latency_s=0, frame_rate_hz=50)):
         assert device.opened == "/dev/video3"

@@ -181,12 +181,12 @@ def test_a_claim_that_no_packet_makes_is_not_waited_for() -> None:
 
 
 @pytest.mark.parametrize("start", ["FF FF FD 00 01 02 00", "FF FF FD 01 01 03 00 01"])
-def test_what_is_too_short_or_not_reserved_is_none_however_well_it_sums_up(start: str) -> None:
+def test_a_wrong_length_or_reserved_byte_is_rejected_despite_a_valid_checksum(start: str) -> None:
     raw = bytes.fromhex(start)
     assert Parser().feed(raw + crc(raw).to_bytes(2, "little") + whole(GOOD)) == [GOOD]
 
 
-def test_an_unfinished_packet_is_told_and_can_be_forgotten() -> None:
+def test_an_unfinished_packet_is_visible_and_can_be_discarded() -> None:
     parser = Parser()
     assert not parser.partial
     for size in range(1, 15):
@@ -232,7 +232,7 @@ def test_a_header_in_a_fast_answer_is_data() -> None:
     assert split_fast(packet.parameters, 4) == answers
 
 
-def test_a_fast_answer_of_another_length_is_none() -> None:
+def test_a_fast_answer_of_another_length_is_rejected() -> None:
     (packet,) = Parser().feed(FAST)
     assert split_fast(packet.parameters, 5) == []
     assert split_fast(b"", 4) == []

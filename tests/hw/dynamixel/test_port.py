@@ -160,7 +160,7 @@ def test_what_was_sent_before_it_was_closed_arrives(port: Port, line: PtyLine) -
     assert not line.wait(0.0)
 
 
-def test_what_came_before_it_was_opened_is_not_told(port: Port, line: PtyLine) -> None:
+def test_bytes_from_before_it_was_opened_are_discarded(port: Port, line: PtyLine) -> None:
     line.write(b"old")
     port.open()
     line.write(b"new")
@@ -174,7 +174,7 @@ def test_it_waits_for_the_first_byte(port: Port, line: PtyLine) -> None:
     later.join()
 
 
-def test_it_does_not_wait_longer_than_told(port: Port) -> None:
+def test_it_does_not_wait_longer_than_its_timeout(port: Port) -> None:
     start = time.monotonic()
     assert port.receive(0.0) == b""
     assert port.receive(-1.0) == b""
@@ -202,7 +202,7 @@ def test_a_second_owner_is_turned_away(make: Make, port: Port, line: PtyLine) ->
     other.close()
 
 
-def test_so_is_one_while_another_process_has_it(make: Make, line: PtyLine) -> None:
+def test_a_port_that_another_process_has_is_refused(make: Make, line: PtyLine) -> None:
     port = make(line.path)
     with owner(line.path), pytest.raises(PortBusy, match="is in use by another program"):
         port.open()
@@ -251,7 +251,7 @@ def test_closed_it_is_gone(
             use(closed)
 
 
-def test_whoever_waits_is_told(port: Port, line: PtyLine) -> None:
+def test_an_unplugging_ends_a_wait(port: Port, line: PtyLine) -> None:
     later = threading.Timer(SOON_S, line.unplug)
     later.start()
     with pytest.raises(PortGone, match=gone(port.name)):
@@ -294,7 +294,7 @@ def test_a_port_that_is_not_there_is_gone(make: Make, tmp_path: Path) -> None:
         make(tmp_path / "none").open()
 
 
-def test_what_is_no_serial_port_is_told(make: Make, tmp_path: Path) -> None:
+def test_what_is_not_a_serial_port_is_refused(make: Make, tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("keep me")
     message = (

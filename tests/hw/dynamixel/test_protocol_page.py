@@ -143,7 +143,7 @@ def test_the_page_names_the_errors() -> None:
 
 @pytest.mark.parametrize("phase", ["connect", "enable", "leave"])
 @pytest.mark.parametrize("device", [1, 2])
-def test_the_page_tells_what_is_asked_in_which_order(talk: Talk, phase: str, device: int) -> None:
+def test_the_page_lists_the_requests_in_order(talk: Talk, phase: str, device: int) -> None:
     limited = device == 2
     table = [row for row in rows(phase.title()) if limited or row["when"] != "with a limit"]
     found = requests(getattr(talk, phase), device)

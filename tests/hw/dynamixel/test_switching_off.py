@@ -104,7 +104,7 @@ def test_enabling_that_fails_half_way_leaves_nothing_on_unnoticed() -> None:
         bench.guard.enable()
 
 
-def test_torque_that_somebody_else_switched_on_is_told() -> None:
+def test_torque_switched_on_by_another_program_is_an_error() -> None:
     bench = Emulated()
     with bench.guard as guard:
         bench.servos[1].write(reg.TORQUE_ENABLE.address, b"\x01")
@@ -117,7 +117,7 @@ def test_torque_that_somebody_else_switched_on_is_told() -> None:
         assert on(bench) == [False, False]
 
 
-def test_torque_that_somebody_else_switched_off_is_told() -> None:
+def test_torque_switched_off_by_another_program_is_an_error() -> None:
     bench = Emulated()
     with bench.guard as guard:
         guard.enable()
@@ -128,7 +128,7 @@ def test_torque_that_somebody_else_switched_off_is_told() -> None:
             bench.follow(1)
 
 
-def test_a_silent_line_is_asked_again_when_it_is_closed() -> None:
+def test_a_silent_line_is_retried_when_it_is_closed() -> None:
     bench = Emulated()
     bench.guard.connect()
     bench.guard.enable()
@@ -187,7 +187,7 @@ def test_after_a_pause_one_lost_answer_is_but_stale() -> None:
         assert bench.follow(1)[0].fresh
 
 
-def test_a_full_disk_keeps_nobody_from_stopping(tmp_path: Path) -> None:
+def test_a_full_disk_does_not_keep_the_motors_from_stopping(tmp_path: Path) -> None:
     if sys.platform == "win32":
         pytest.skip("Windows has no limit of a file's size")
     bench = Emulated()

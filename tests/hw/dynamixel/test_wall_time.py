@@ -96,7 +96,7 @@ def test_a_stalled_host_finds_its_motors_stopped(served: Served) -> None:
         assert (caught.value.kind, caught.value.axis) == ("watchdog", "up_down")
 
 
-def test_at_the_wrong_baud_rate_nobody_answers_and_it_says_so(served: Served) -> None:
+def test_no_answer_at_the_wrong_baud_rate_is_reported(served: Served) -> None:
     guard = bench(served, baud=57_600)
     text = r"^handle motor 1 \(up_down\) did not answer within 0\.200 s on .* \(3 tries\); "
     with pytest.raises(LinkLost, match=text + "check power and cable, then run endolock doctor$"):

@@ -167,7 +167,7 @@ def test_a_new_id_is_answered_to_from_then_on(line: Line) -> None:
 # Several at once.
 
 
-def test_a_sync_write_reaches_whom_it_names_and_nobody_answers(line: Line) -> None:
+def test_a_sync_write_reaches_the_servos_it_names_without_an_answer(line: Line) -> None:
     assert line.ask(BROADCAST, Instruction.SYNC_WRITE, GOALS) == []
     assert line.goals == (2200, 1900)
     line.ask(BROADCAST, Instruction.SYNC_WRITE, of(reg.GOAL_POSITION) + pack("<BiBi", 9, 1, 2, 2))
@@ -276,7 +276,7 @@ def test_the_status_level_holds_for_refusals_too(line: Line, level: int) -> None
     assert len(rest) == (0, 0, 2)[level]
 
 
-def test_what_is_told_to_all_is_done_and_not_answered(line: Line) -> None:
+def test_a_broadcast_is_carried_out_and_not_answered(line: Line) -> None:
     for kind, parameters in EVERYTHING.items():
         if kind not in (Instruction.PING, *TO_ALL):
             assert line.ask(BROADCAST, kind, parameters) == []
@@ -326,7 +326,7 @@ def test_too_short_a_request_to_all_is_not_answered(line: Line, kind: int) -> No
         assert line.ask(BROADCAST, kind, b"\x01\x84\x00\x04"[:size]) == []
 
 
-def test_nobody_answers_for_an_id_that_is_not_there(line: Line) -> None:
+def test_an_unknown_id_gets_no_answer(line: Line) -> None:
     for kind, parameters in EVERYTHING.items():
         assert line.ask(3, kind, parameters) == []
 
@@ -335,7 +335,7 @@ def test_answers_of_others_are_not_answered(line: Line) -> None:
     assert line.ask(1, Instruction.STATUS, b"\x00") == []
 
 
-def test_at_another_baud_rate_nobody_understands(line: Line) -> None:
+def test_another_baud_rate_gets_no_answer(line: Line) -> None:
     ping = encode(1, Instruction.PING)
     assert len(line.respond(ping, 1_000_000)) == 1
     assert line.respond(ping, 57_600) == []
@@ -354,7 +354,7 @@ def test_every_answer_tells_of_a_hardware_error(line: Line, kind: int) -> None:
     assert packet.parameters[0] & ALERT
 
 
-def test_a_refusal_and_a_hardware_error_are_told_together(line: Line) -> None:
+def test_a_refusal_and_a_hardware_error_are_in_one_error_byte(line: Line) -> None:
     line.first.fail("overload")
     answers = line.ask(1, Instruction.WRITE, at(reg.TORQUE_ENABLE, b"\x01"))
     assert answers == [(1, ALERT | Refusal.ACCESS, b"")]

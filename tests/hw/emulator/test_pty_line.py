@@ -37,7 +37,7 @@ def test_a_link_always_leads_to_a_line(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_link_is_not_replaced(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_link_is_not_replaced(tmp_path: Path) -> None:
     file = tmp_path / "handles"
     file.write_text("keep me")
     before = len(list(Path("/proc/self/fd").iterdir()))
@@ -48,14 +48,14 @@ def test_what_is_no_link_is_not_replaced(tmp_path: Path) -> None:
     assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 
-def test_a_link_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_link_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     link = tmp_path / "none" / "handles"
     message = f"^cannot write {link}: No such file or directory; give another --link$"
     with pytest.raises(ConfigError, match=message):
         PtyLine(link)
 
 
-def test_a_link_that_leads_elsewhere_by_now_is_left(tmp_path: Path) -> None:
+def test_a_link_that_points_elsewhere_by_now_is_kept(tmp_path: Path) -> None:
     link = tmp_path / "handles"
     first, second = PtyLine(link), PtyLine(link)
     first.close()
@@ -73,7 +73,7 @@ def test_a_dangling_link_is_replaced(tmp_path: Path) -> None:
     line.close()
 
 
-def test_nothing_comes_of_a_line_that_nobody_has_open(line: PtyLine) -> None:
+def test_a_line_that_no_client_has_open_delivers_nothing(line: PtyLine) -> None:
     line.write(b"lost")
     assert not line.wait(0.0)
     assert line.read() == b""

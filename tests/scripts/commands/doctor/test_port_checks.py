@@ -265,7 +265,7 @@ def test_looking_asks_and_changes_nothing() -> None:
         ),
     ],
 )
-def test_each_trouble_has_its_row(row: str, change: dict[str, int], text: str, advice: str) -> None:
+def test_each_problem_has_its_row(row: str, change: dict[str, int], text: str, advice: str) -> None:
     changed = {"id": 2, **change}
     motors = [GOOD, dataclasses.replace(GOOD, **changed)]
     findings = motor_checks.judge(motors, "PORT")
@@ -375,7 +375,7 @@ def test_a_port_that_another_program_has_is_a_red_row() -> None:
         ]
 
 
-def test_ports_that_are_none_are_red_rows(tmp_path: Path) -> None:
+def test_ports_that_cannot_be_opened_are_red_rows(tmp_path: Path) -> None:
     there = "plug it in, and give a port that the row serial lists"
     assert examine("ttyUSB7") == [
         Finding("port", False, "ttyUSB7 cannot be opened (No such file or directory)", there)
@@ -391,7 +391,7 @@ def test_ports_that_are_none_are_red_rows(tmp_path: Path) -> None:
     ]
 
 
-def test_a_port_that_is_unplugged_meanwhile_is_a_red_row() -> None:
+def test_a_port_unplugged_during_the_search_is_a_red_row() -> None:
     with Served(servo(1)) as served:
         path = served.path
 
