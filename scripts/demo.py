@@ -14,7 +14,7 @@ def main(args: list[str]) -> int:
     """Run the demo; `args` are further options of `endolock compare`."""
     # cli.guarded says what fails to load
     from endolock.scripts.commands import compare
-    from endolock.scripts.figures import rerun_export, strip
+    from endolock.scripts.figures import error_figure, rerun_export, strip
     from endolock.scripts.runs import output, record_table, run_folder
     from endolock.scripts.runs.experiment import RUNS
     from endolock.scripts.runs.series import run_all
@@ -29,7 +29,7 @@ def main(args: list[str]) -> int:
     first = next(moving, records[0]).folder
     results: dict[str, Path | str] = {}
     with console.status("writing errors.png, strip.png and run.rrd"):
-        results["error over time"] = compare.draw(records, place / "errors.png")
+        results["error over time"] = error_figure.draw(records, place / "errors.png")
         if strip.pictures(first):
             results["what the tip camera saw"] = strip.write(first, place / "strip.png")
         rerun_export.derive(first)

@@ -8,20 +8,17 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-import pyarrow.compute as pc
 import tyro
 from rich.console import Console
 
 from endolock.control import registry
 from endolock.hw.api import ConfigError
 from endolock.scripts.commands.run import INSTRUMENT
-from endolock.scripts.figures.palette import SERIES
+from endolock.scripts.figures import error_figure
 from endolock.scripts.runs import output, overrides, record_table, rigs, run_folder, theory
 from endolock.scripts.runs.experiment import RUNS, Experiment
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.runs.series import run_all
-from endolock.vision.observation import Status
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +71,7 @@ def main(request: Request) -> int:
             for record, task in zip(records, map(Experiment.resolve, planned), strict=False)
         ]
     with console.status("drawing errors.png"):
-        figure = draw(records, place / "errors.png")
+        figure = error_figure.draw(records, place / "errors.png")
     output.write_json({"rows": rows}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
@@ -211,49 +208,3 @@ def require_empty(place: Path) -> None:
     """
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise ConfigError(f"{place} is not an empty folder", "give a new one with --out")
-
-
-def draw(records: Sequence[RunRecord], path: Path) -> Path:
-    """Draw the true error of every run over time, one panel a scenario, one colour a controller.
-
-    Args:
-        records: of the runs.
-        path: the PNG to write.
-    """
-    from matplotlib.figure import Figure  # half a second to load
-
-    names = list(dict.fromkeys(record.scenario for record in records))
-    laws_used = list(dict.fromkeys(record.controller for record in records))
-    figure = Figure(figsize=(9, 0.6 + 2.6 * len(names)), layout="constrained")
-    panels = figure.subplots(len(names), 1, squeeze=False)[:, 0]
-    for record in records:
-        panel = panels[names.index(record.scenario)]
-        t, error = error_over_time(record.folder)
-        law = record.controller
-        colour = SERIES[laws_used.index(law) % len(SERIES)]
-        first = law not in panel.get_legend_handles_labels()[1]
-        panel.plot(t, error, color=colour, lw=1.2, label=law if first else None)
-    for panel, name in zip(panels, names, strict=True):
-        panel.set_title(name, loc="left", fontsize=10)
-        panel.set_ylabel("error [px]")
-        panel.set_ylim(bottom=0)
-        panel.margins(x=0)
-        panel.grid(alpha=0.3)
-        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
-        panel.legend(ncols=len(laws_used), frameon=False, **place)
-    panels[-1].set_xlabel("time [s]")
-    figure.savefig(path, dpi=130)
-    return path
-
-
-def error_over_time(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and errors [px] of a logged run: the true ones; on a bench what vision saw."""
-    rows = run_folder.read(folder, "ticks")
-    centre = run_folder.configuration(folder)["calibration"]["centre_px"]
-    t = rows["t"]
-    if rows["target_px"].null_count == rows.num_rows:
-        rows = run_folder.read(folder, "frames")
-        rows = rows.filter(pc.equal(rows["status"], Status.TRACKING))
-        t = rows["t_available"]
-    pixels = np.array(rows["target_px"].to_pylist(), float).reshape(-1, 2)
-    return np.array(t), np.hypot(*(pixels - centre).T)

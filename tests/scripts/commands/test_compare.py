@@ -7,7 +7,7 @@ import cv2
 import pytest
 
 from endolock.scripts import cli
-from endolock.scripts.commands import compare, dry_run
+from endolock.scripts.commands import dry_run
 from endolock.scripts.runs.experiment import Experiment
 
 QUICK = ["compare", "--vision", "truth", "--duration-s", "1.5"]
@@ -27,15 +27,6 @@ def test_every_law_meets_every_scenario_seed_and_latency(
     picture = cv2.imread(str(out / "errors.png"))
     assert picture is not None
     assert picture.std() > 10  # something is drawn
-
-
-def test_the_figure_shows_the_metric(tmp_path: Path) -> None:
-    request = Experiment(scenario="straight", vision="truth", duration_s=2.0, out=tmp_path / "run")
-    record = request.run()
-    folder = record.folder
-    t, error = compare.error_over_time(folder)
-    assert t[0] == 0
-    assert max(error) == pytest.approx(record.as_dict()["error_px"]["max"])
 
 
 @pytest.mark.parametrize(
