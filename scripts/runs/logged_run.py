@@ -17,7 +17,7 @@ from endolock.scripts.runs.run_record import RunRecord
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedRun:
-    """What a run folder holds; the columns of its tables are described in docs/log.md.
+    """What a run folder holds; the columns of its tables are in scripts/runs/log_tables.py.
 
     Example:
         position = np.array(read_run("runs/mine").ticks["position_rad"].to_pylist())
