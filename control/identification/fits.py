@@ -99,7 +99,7 @@ def fit(log: HandleLog, geometry: Geometry) -> CableFit:
     misfit = excess > max(MISFIT_RAD, MISFIT * noise)
     params = with_uncertainty(best, max(excess, MODEL_ERROR_RAD) / BEND_SCALE_RAD)
     if misfit:
-        params = {name: replace(told, determined=False) for name, told in params.items()}
+        params = {name: replace(figure, determined=False) for name, figure in params.items()}
     return CableFit(
         cable=found.cable,
         bending_stiffness=exp(found.log_bending_stiffness) if rows.tension is not None else None,

@@ -145,7 +145,7 @@ class SimcHCSettings(CompensationSettings, SimcSettings):
 class CompensatedMemory:
     """State of the controller."""
 
-    law: SimcMemory | PIMemory
+    controller: SimcMemory | PIMemory
     """State of the compensated controller."""
     goals: Pair | None = None
     """Last goals of that controller, v [rad]."""
@@ -161,29 +161,29 @@ class Compensated:
     """PI controller with compensation.
 
     Args:
-        law: the PI controller.
+        controller: the PI controller.
         settings: settings of the compensation.
     """
 
-    def __init__(self, law: PI, settings: CompensationSettings) -> None:
-        self._law, self._settings = law, settings
-        self._memory = CompensatedMemory(law.memory)
+    def __init__(self, controller: PI, settings: CompensationSettings) -> None:
+        self._controller, self._settings = controller, settings
+        self._memory = CompensatedMemory(controller.memory)
 
     @property
     def gains(self) -> Pair:
         """Kp [rad/rad] and ki [1/s] in use."""
-        return self._law.gains
+        return self._controller.gains
 
     @property
     def memory(self) -> CompensatedMemory:
         """State of the controller."""
-        self._memory.law = self._law.memory
+        self._memory.controller = self._controller.memory
         return self._memory
 
     @memory.setter
     def memory(self, memory: CompensatedMemory) -> None:
         self._memory = memory
-        self._law.memory = memory.law
+        self._controller.memory = memory.controller
 
     @property
     def signals(self) -> dict[str, float]:
@@ -194,13 +194,13 @@ class Compensated:
 
     def reset(self, state: State) -> None:
         """Start from the present handle angles, without compensation: the direction is unknown."""
-        self._law.reset(state)
-        self._memory = CompensatedMemory(self._law.memory)
+        self._controller.reset(state)
+        self._memory = CompensatedMemory(self._controller.memory)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Compensate the goals of the PI controller; see `Controller.update`."""
         memory = self._memory
-        v_up_down, v_left_right = self._law.update(t, state, observation).position
+        v_up_down, v_left_right = self._controller.update(t, state, observation).position
         goals = v_up_down, v_left_right
         if memory.goals is None:
             for direction, v in zip(memory.directions, goals, strict=True):
