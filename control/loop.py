@@ -1,4 +1,4 @@
-"""Runs a rig, its eyes and one law together: the only place where frames meet commands."""
+"""Runs a rig, its eyes and a controller together: the only place where frames meet commands."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from endolock.vision.observation import Eyes, Observation, Status
 
 BLIND_S = 2.0
 """Without a new frame for longer than this [s] the video has stopped: the lock is lost, and the
-handles hold until one comes. Assumed: twice the longest latency here, and some."""
+handles hold until a frame comes. Assumed: more than twice the longest latency in use."""
 
 
 class Controller(Protocol):
-    """A control law. It owns its state and knows neither a clock nor what turns the handles.
+    """Drives the handles from observations and handle states; owns its state, has no clock.
 
-    It may have `signals`, a mapping of names to numbers: what it shows of its inside.
+    It may have `signals`, a mapping of names to numbers: internal values to be recorded.
     """
 
     def reset(self, state: State) -> None:
-        """Start afresh at the present handle state; called after each enable."""
+        """Restart from the present handle state; called after each enable."""
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Take in one tick.
+        """Compute the command of one control period.
 
         Args:
             t: time of the tick [s].
             state: handle state, just measured.
-            observation: what the newest frame shows; None where no new frame has come.
+            observation: made from the newest frame; None if there is no new frame.
 
         Returns:
-            Where the handles shall go; it is sent with the next tick's exchange.
+            Goals of the handles; sent with the exchange of the next tick.
         """
 
 
@@ -47,7 +47,7 @@ class Tick:
     skipped: int
     """Periods that were missed before this one."""
     command: Command | None
-    """What was sent; None in the first tick."""
+    """The command sent; None in the first tick."""
     state: State
     status: Status
     """State of the lock, from the newest frame."""
@@ -56,12 +56,12 @@ class Tick:
     truth: TruthSample | None
     """The truth now; None on hardware."""
     signals: Mapping[str, float] = field(default_factory=dict)
-    """What the law shows of its inside, by name, as of the command that was sent."""
+    """Internal values of the controller, by name, when it computed the command that was sent."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """One delivered frame and what was made of it."""
+    """One delivered frame and its observation."""
 
     frame: Frame
     observation: Observation
@@ -71,23 +71,23 @@ class Seen:
     """The truth at the exposure; None on hardware."""
 
     def without_pictures(self) -> Seen:
-        """Return the same without what takes memory."""
+        """Return a copy without pictures, to save memory."""
         return replace(self, frame=replace(self.frame, image=None), overview=None)
 
 
 class Recorder(Protocol):
-    """Where the rows of a run go."""
+    """Stores the rows of a run."""
 
     def tick(self, tick: Tick) -> None:
-        """Keep one control period."""
+        """Store one control period."""
 
     def seen(self, seen: Seen) -> None:
-        """Keep one frame."""
+        """Store one frame."""
 
 
 @dataclass
 class Run:
-    """What a run leaves in memory; pictures go to the recorder alone."""
+    """A run in memory, without pictures, which only the recorder gets."""
 
     ticks: list[Tick] = field(default_factory=list)
     seen: list[Seen] = field(default_factory=list)
@@ -98,7 +98,7 @@ def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float
     """Yield (time, periods skipped) at absolute deadlines; a late tick is skipped, never caught up.
 
     Args:
-        clock: is slept on.
+        clock: sleeps until each deadline.
         period_s: control period [s].
         until_s: deadline of the last tick [s], counted like `clock.now()`.
     """
@@ -114,7 +114,7 @@ def ticks(clock: Clock, period_s: float, until_s: float) -> Iterator[tuple[float
 
 
 def check_period(clock: Clock, period_s: float) -> None:
-    """See that ticks fall on the clock's grid.
+    """Check that ticks fall on the clock's grid.
 
     Raises:
         ConfigError: they do not.
@@ -144,26 +144,26 @@ def run(
     recorder: Recorder | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Keep the target in the centre for a while; the handles hold when it returns or raises.
+    """Run a controller on a rig; the handles hold when it returns or raises.
 
-    Whoever goes on with the rig must do so before the motors' own watchdog stops them, or clear its
-    fault. Where no frame comes any more the handles hold, and the lock is lost.
+    To continue with the rig, do so before the motors' own watchdog trips, or clear its fault. If
+    frames stop coming, the handles hold and the lock is lost.
 
     Args:
         rig: clock, handles and camera; connected here if it is not.
         eyes: turns frames into observations.
-        controller: the law.
-        duration_s: how long [s], > 0.
+        controller: computes the commands.
+        duration_s: length of the run [s], > 0.
         period_s: control period [s], a multiple of the clock's grid.
-        recorder: keeps every row as it comes, pictures included.
-        progress: told the time after each tick [s].
+        recorder: stores every row at once, pictures included.
+        progress: called with the time after each tick [s].
 
     Returns:
         All ticks and frames, without pictures; `interrupted` if Ctrl-C ended it early.
 
     Raises:
         ConfigError: duration or period cannot be used.
-        HardwareError: the handles stopped; rows up to there are with the recorder.
+        HardwareError: the handles stopped; the recorder has all rows up to there.
     """
     if not duration_s > 0:
         raise ConfigError(f"duration {duration_s:g} s", "use more than 0")
@@ -175,7 +175,7 @@ def run(
     controller.reset(actuators.exchange(None) if mode.driven else actuators.enable())
     command: Command | None = None
     start = rig.clock.now()
-    before = rig.camera.latest()  # what arrived before the run is none of its business
+    before = rig.camera.latest()  # ignore frames from before the run
     stale = before is not None and before.t_available < start
     status, newest, shown = Status.SEARCHING, before.seq if before and stale else -1, -1
     seen_at, blind = start, False
@@ -219,7 +219,7 @@ def run(
                 recorder.tick(tick)
             result.ticks.append(tick)
             if blind and observation is not None:
-                controller.reset(state)  # what it remembers is of another time
+                controller.reset(state)  # its memory is out of date
             if not blind or observation is not None:
                 command = controller.update(t, state, observation)
             if progress:

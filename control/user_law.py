@@ -1,4 +1,4 @@
-"""Controllers that are not ours: from a file, `--controller my_law.py`, or objects in Python.
+"""Controllers of the user's own: from a file, `--controller my_law.py`, or objects in Python.
 
 The file defines make(calibration), which returns the controller: anything with `reset` and `update`
 as in `loop.Controller`. Keyword parameters of `make` can be set with `--vary law.NAME=VALUE`. The
@@ -51,7 +51,7 @@ class UserController:
 
     @property
     def signals(self) -> Mapping[str, float]:
-        """What the controller shows of its inside, by name; recorded with each tick.
+        """Internal values of the controller, by name; recorded with each tick.
 
         Raises:
             ConfigError: a value is not a number.
@@ -68,7 +68,7 @@ class UserController:
         return dict(getattr(self._controller, "signals", None) or {})
 
     def reset(self, state: State) -> None:
-        """Start afresh at the present handle state."""
+        """Restart from the present handle state."""
         _call(self._name, self._file, "reset", self._controller.reset, state)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
