@@ -348,7 +348,7 @@ class Guard(Connecting):
         return self._drive.quantise(self._goal) if reading.goal is None else reading.goal
 
     def _stopped(self, now: float) -> DeviceFault | None:
-        """Return the fault that an emergency stop asks for; None where nobody asks."""
+        """Return the fault that an emergency stop asks for; or None."""
         if self._stop is None:
             return None
         return DeviceFault(

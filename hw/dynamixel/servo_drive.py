@@ -315,7 +315,7 @@ class ServoDrive:
         if not block.hardware_error and not tripped and bool(block.torque) == self._on:
             return
         name, axis, now = self._name(index), self.axes[index], self.clock.now()
-        known = [told for bit, told in reg.HARDWARE_ERRORS.items() if block.hardware_error & bit]
+        known = [entry for bit, entry in reg.HARDWARE_ERRORS.items() if block.hardware_error & bit]
         if block.hardware_error:
             unknown = f"hardware error {block.hardware_error:#04x}", "see its maker's manual"
             kind, what, first = known[0] if known else ("reset", *unknown)
