@@ -33,7 +33,7 @@ class BoardPose(NamedTuple):
     information: Vector
     """J^T J, 6x6, for small rotations about the camera axes and translations."""
 
-    def place(self, calibration: Calibration, point: Vector) -> tuple[Vector, Vector, Vector]:
+    def locate(self, calibration: Calibration, point: Vector) -> tuple[Vector, Vector, Vector]:
         """Return the position and the pixel of a point of the board.
 
         Args:

@@ -26,7 +26,7 @@ MAX_VIEWS = 60
 """Most views used; more take longer without better results."""
 MIN_TILT_DEG = 25.0
 """Least angle that two views of the board must differ by [deg]: from a single direction, a longer
-focal length cannot be told from a larger distance. Source: within 17 deg it was 3 % too long."""
+focal length looks like a larger distance. Source: within 17 deg it was 3 % too long."""
 MAX_RMS_PX = 1.0
 """Largest residual of an acceptable calibration [px]. Assumed: seven times the noise of corners."""
 

@@ -102,7 +102,7 @@ class FeatureTracker:
         Returns:
             Its position, or the reason of the gate that refused it.
         """
-        predicted = self._last._replace(place=self._last.place + self._motion)
+        predicted = self._last._replace(position=self._last.position + self._motion)
         found = self._near(grey, predicted)
         why = found if isinstance(found, str) else self._continuous(found[0], predicted)
         if not why and not isinstance(found, str):
@@ -116,7 +116,7 @@ class FeatureTracker:
         assert not isinstance(found, str)
         seen, track = found
         steady = self._missed == 0
-        self._motion = 0.7 * (seen.place - self._last.place) if steady else 0.0j
+        self._motion = 0.7 * (seen.position - self._last.position) if steady else 0.0j
         self._last, self._missed = seen, 0
         self._check.accept(grey, seen)
         return track
@@ -129,7 +129,7 @@ class FeatureTracker:
     def _near(self, grey: Image, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
         """Search around a guess: coarse correlation, then points."""
         hx, hy = self._extent(guess.scale, 0)
-        middle = _whole(guess.place)
+        middle = _whole(guess.position)
         reach = REACH_PX + EDGE
         around = view(grey, middle, (hx + reach, hy + reach))
         area = around.crop(middle, (hx + REACH_PX, hy + REACH_PX))
@@ -138,7 +138,7 @@ class FeatureTracker:
         v, u = np.indices(score.shape) * 2.0 - REACH_PX
         _, _, _, (column, row) = cv2.minMaxLoc(score - 0.1 * (u * u + v * v) / REACH_PX**2)
         shift = complex(2 * column - REACH_PX, 2 * row - REACH_PX)
-        return self._fine(around, guess._replace(place=middle + shift))
+        return self._fine(around, guess._replace(position=middle + shift))
 
     def _extent(self, scale: float, margin: int) -> tuple[int, int]:
         """Return the half size of the window as now seen, plus a margin [px]."""
@@ -148,11 +148,11 @@ class FeatureTracker:
     def _fine(self, around: View, guess: Affine) -> tuple[Affine, FollowedTarget] | str:
         """Follow the points from the reference into the picture and back; fit; apply the gates."""
         half = self._extent(guess.scale, EDGE)
-        middle = _whole(guess.place)
+        middle = _whole(guess.position)
         own = self.reference.warped(guess, half)
         now = around.crop(middle, half)
         start = guess.moves(self.reference.offsets) + complex(*half)
-        aim = start + guess.place - middle
+        aim = start + guess.position - middle
         ahead, ok = _follow(own, now, start, aim)
         back, ok_back = _follow(now, own, ahead, start)
         good = ok & ok_back & (np.abs(back - start) < BACKWARD_PX)
@@ -173,7 +173,7 @@ class FeatureTracker:
         if likeness < MIN_LIKENESS:
             return f"likeness {likeness:.2f}, {MIN_LIKENESS:.2f} needed"
         spread = max(variance * OVERLAP / inliers, NOISE_PX**2)
-        pixel = seen.place.real, seen.place.imag
+        pixel = seen.position.real, seen.position.imag
         return seen, FollowedTarget(pixel, (spread, 0.0, spread), seen.scale, likeness)
 
     def _continuous(self, seen: Affine, predicted: Affine) -> str:
@@ -182,7 +182,7 @@ class FeatureTracker:
         frames = 1 + self._missed
         if max(abs(change), 1 / abs(change)) > SCALE_STEP**frames:
             return f"size changed by {abs(change):.2f}"
-        jump = abs(seen.place - predicted.place)
+        jump = abs(seen.position - predicted.position)
         if jump > JUMP_PX * frames:
             return f"jump of {jump:.0f} px"
         return ""
@@ -194,7 +194,7 @@ class FeatureTracker:
         small = cv2.resize(
             everywhere.picture, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA
         )
-        places: list[tuple[float, Affine]] = []
+        positions: list[tuple[float, Affine]] = []
         for scale in SEARCH_SCALES:
             size = self._last.resized(scale)
             own = self.reference.warped(size, self._extent(size.scale, 0))
@@ -203,11 +203,11 @@ class FeatureTracker:
             rows, columns = pattern.shape
             for _ in range(2):
                 _, best, _, (u, v) = cv2.minMaxLoc(score)
-                place = complex(u + columns / 2, v + rows / 2) / shrink - (0.5 + 0.5j)
-                places.append((best, size._replace(place=place)))
+                position = complex(u + columns / 2, v + rows / 2) / shrink - (0.5 + 0.5j)
+                positions.append((best, size._replace(position=position)))
                 cv2.circle(score, (u, v), rows // 2, -1.0, cv2.FILLED)
-        places.sort(key=lambda entry: -entry[0])
-        for _, guess in places[:CANDIDATES]:
+        positions.sort(key=lambda entry: -entry[0])
+        for _, guess in positions[:CANDIDATES]:
             found = self._fine(everywhere, guess)
             if not isinstance(found, str):
                 found = self._fine(everywhere, found[0])  # again, from the right position
@@ -216,8 +216,8 @@ class FeatureTracker:
         return "not found in the whole picture"
 
 
-def _whole(place: complex) -> complex:
-    return complex(round(place.real), round(place.imag))
+def _whole(position: complex) -> complex:
+    return complex(round(position.real), round(position.imag))
 
 
 def _shrunk(picture: Image, factor: float) -> np.ndarray:
@@ -249,7 +249,7 @@ def _fit(offsets: Points, seen: Points, good: np.ndarray) -> tuple[Affine, int, 
     Returns:
         The map, the number of inliers and their variance per coordinate [px2].
     """
-    # p = place + turn d + stretch conj(d) is linear in real numbers, and so is its conjugate.
+    # p = position + turn d + stretch conj(d) is linear in real numbers, and so is its conjugate.
     for _ in range(4):
         count = int(good.sum())
         if count < MIN_FOLLOWED:
@@ -260,11 +260,11 @@ def _fit(offsets: Points, seen: Points, good: np.ndarray) -> tuple[Affine, int, 
         solved, _, rank, _ = np.linalg.lstsq(columns, seen[good], rcond=1e-6)
         if rank < 3:
             return None
-        place, x, y = (complex(c) for c in solved)
-        affine = Affine(place, (x - 1j * y) / 2, (x + 1j * y) / 2)
-        if not isfinite(place) or not affine.turn:
+        position, x, y = (complex(c) for c in solved)
+        affine = Affine(position, (x - 1j * y) / 2, (x + 1j * y) / 2)
+        if not isfinite(position) or not affine.turn:
             return None
-        off = np.abs(seen - place - affine.moves(offsets))
+        off = np.abs(seen - position - affine.moves(offsets))
         limit = max(FIT_PX, 2.5 * float(np.median(off[good])))
         kept = good & (off < limit)
         if limit == FIT_PX and kept.sum() == count:

@@ -154,7 +154,7 @@ class MarkerEyes:
         return float(np.sqrt((pose.misfit**2).sum(axis=1).mean())), pose
 
     def _fit(self, pose: BoardPose) -> BoardFit | str:
-        seen, pixel, gain = pose.place(self._calibration, self.target)
+        seen, pixel, gain = pose.locate(self._calibration, self.target)
         if not np.isfinite(pixel).all():
             return "target behind the camera"
         freedom = pose.misfit.size - 6

@@ -38,9 +38,9 @@ Points = NDArray[np.complex128]
 
 
 class Affine(NamedTuple):
-    """Where the reference is seen: offset d from its centre at place + turn d + stretch conj(d)."""
+    """The reference as seen: offset d from its centre at position + turn d + stretch conj(d)."""
 
-    place: complex
+    position: complex
     """Pixel u + iv of the centre."""
     turn: complex = 1.0 + 0.0j
     """Scale times rotation, clockwise in the picture."""
@@ -53,18 +53,18 @@ class Affine(NamedTuple):
         return abs(self.turn)
 
     def moves(self, offsets: Points) -> Points:
-        """Return offsets of the reference as seen in the picture, relative to `place`."""
+        """Return offsets of the reference as seen in the picture, relative to `position`."""
         seen: Points = self.turn * offsets + self.stretch * offsets.conj()
         return seen
 
     def resized(self, factor: float) -> Affine:
         """Return the same map at another size."""
-        return Affine(self.place, factor * self.turn, factor * self.stretch)
+        return Affine(self.position, factor * self.turn, factor * self.stretch)
 
-    def matrix(self, source: complex, place: complex) -> np.ndarray:
-        """Return the 2x3 matrix for `cv2.warpAffine` of this map that moves `source` to `place`."""
+    def matrix(self, source: complex, position: complex) -> np.ndarray:
+        """Return the 2x3 matrix of this map for `cv2.warpAffine`, `source` to `position`."""
         x, y = self.turn + self.stretch, 1j * (self.turn - self.stretch)
-        shift = place - x * source.real - y * source.imag
+        shift = position - x * source.real - y * source.imag
         return np.array([[x.real, y.real, shift.real], [x.imag, y.imag, shift.imag]])
 
 
@@ -77,10 +77,10 @@ class View(NamedTuple):
     size: tuple[int, int]
     """Width and height of the whole picture [px]."""
 
-    def contains(self, places: Points) -> np.ndarray:
+    def contains(self, positions: Points) -> np.ndarray:
         """Return which positions are within the whole picture."""
         width, height = self.size
-        u, v = places.real, places.imag
+        u, v = positions.real, positions.imag
         return np.asarray((u > 0) & (v > 0) & (u < width - 1) & (v < height - 1))
 
     def crop(self, middle: complex, half: tuple[int, int]) -> Image:
@@ -133,7 +133,7 @@ class Reference(NamedTuple):
     def likeness(self, around: View, seen: Affine) -> float:
         """Return the correlation of the window with the picture where it is seen."""
         size = 2 * self.half[0] + 1, 2 * self.half[1] + 1
-        matrix = seen.matrix(complex(*self.half), seen.place - around.origin)
+        matrix = seen.matrix(complex(*self.half), seen.position - around.origin)
         back = cv2.warpAffine(
             around.picture,
             matrix,

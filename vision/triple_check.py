@@ -63,8 +63,8 @@ class TripleCheck:
 
     def accept(self, grey: Image, seen: Affine) -> None:
         """Store a picture in which the target was found."""
-        points = seen.place + seen.moves(self._offsets)
-        self._before, now = self._now, (grey, seen.place, points, None)
+        points = seen.position + seen.moves(self._offsets)
+        self._before, now = self._now, (grey, seen.position, points, None)
         moved = self._flow(self._before, grey, seen, self._before[2]) if self._before else None
         self._now = (*now[:3], moved)
 
@@ -80,10 +80,12 @@ class TripleCheck:
         points: Points,
     ) -> Points:
         """Follow points from an earlier picture into a new one."""
-        picture, place, _, _ = start
+        picture, position, _, _ = start
         reach = int(np.abs(self._offsets).max() * max(1.0, seen.scale)) + HALF
         half = reach, reach
-        first, last = ((round(where.real), round(where.imag)) for where in (place, seen.place))
+        first, last = (
+            (round(where.real), round(where.imag)) for where in (position, seen.position)
+        )
         own, other = crop(picture, first, half), crop(grey, last, half)
         shift = complex(*half)
         local = points - complex(*first) + shift

@@ -14,7 +14,7 @@ from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.port import BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
-from endolock.twin.hil.hil_server import HilServer, Setup
+from endolock.twin.hil.hil_server import HilServer, HilSetup
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import NUMERICS
 
@@ -55,7 +55,7 @@ def main(request: Request) -> int:
         raise ConfigError(f"the servos do not support baud {request.baud}", f"use {known}")
     if request.seed < 0:
         raise ConfigError(f"seed {request.seed}", "use a whole number, 0 or more")
-    setup = Setup(
+    setup = HilSetup(
         scenario=scenario.load(request.scenario),
         instrument=instrument_files.load(request.instrument),
         numerics=NUMERICS["default"],

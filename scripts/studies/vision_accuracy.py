@@ -212,10 +212,12 @@ def triple(kinds: Sequence[sequences.Occlusion]) -> tuple[list[float], list[floa
         check.accept(first.grey, seen)
         before = first.grey
         for sight in sights:
-            seen = seen._replace(place=seen.place + _drift(before, sight.grey, seen, reference))
+            seen = seen._replace(
+                position=seen.position + _drift(before, sight.grey, seen, reference)
+            )
             check.refusal(sight.grey, seen)
             if check.ready:
-                off = abs(seen.place - complex(*sight.target_px))
+                off = abs(seen.position - complex(*sight.target_px))
                 (right if off < WRONG_PX else wrong).append(check.distance_px)
             check.accept(sight.grey, seen)
             before = sight.grey
@@ -224,7 +226,7 @@ def triple(kinds: Sequence[sequences.Occlusion]) -> tuple[list[float], list[floa
 
 def _drift(before: Image, now: Image, seen: Affine, reference: Reference) -> complex:
     """Median motion of the window's points from one picture to the next [px]."""
-    points = seen.place + seen.moves(reference.offsets)
+    points = seen.position + seen.moves(reference.offsets)
     start = np.column_stack([points.real, points.imag]).astype(np.float32)
     ends, ok, _ = cv2.calcOpticalFlowPyrLK(before, now, start, start.copy(), maxLevel=2)
     moved = (ends - start)[ok.ravel() > 0]

@@ -33,16 +33,16 @@ def test_exact_corners_give_the_exact_pose(name: str) -> None:
 def test_the_information_matches_the_scatter(name: str) -> None:
     camera, random = CAMERAS[name], np.random.default_rng(0)
     exact = _seen(camera)
-    pixels, told = [], np.zeros((2, 2))
+    pixels, expected = [], np.zeros((2, 2))
     target = np.array([0.01, -0.02, 0.0])
     for _ in range(400):
         pose = board_pose.fit(camera, POINTS, exact + random.normal(0, 0.3, exact.shape))
         assert pose is not None
-        _, pixel, gain = pose.place(camera, target)
+        _, pixel, gain = pose.locate(camera, target)
         pixels.append(pixel)
-        told = 0.3**2 * gain @ np.linalg.solve(pose.information, gain.T)
+        expected = 0.3**2 * gain @ np.linalg.solve(pose.information, gain.T)
     # 400 draws: a variance is known to 7 %
-    assert np.diag(np.cov(np.transpose(pixels))) == pytest.approx(np.diag(told), rel=0.3)
+    assert np.diag(np.cov(np.transpose(pixels))) == pytest.approx(np.diag(expected), rel=0.3)
 
 
 def test_a_ray_meets_the_board_where_the_point_is_seen() -> None:
@@ -50,7 +50,7 @@ def test_a_ray_meets_the_board_where_the_point_is_seen() -> None:
     pose = board_pose.fit(camera, POINTS, _seen(camera))
     assert pose is not None
     point = np.array([0.013, -0.007, 0.0])
-    _, pixel, _ = pose.place(camera, point)
+    _, pixel, _ = pose.locate(camera, point)
     back = pose.under(camera_model.ray(camera, tuple(pixel)))
     assert back == pytest.approx(point, abs=1e-9)  # rounding
 

@@ -22,13 +22,13 @@ def test_a_pure_rotation_is_found(vector: tuple[float, float, float]) -> None:
 
 def test_the_covariance_matches_the_scatter() -> None:
     random = np.random.default_rng(4)
-    off, told = [], []
+    off, expected = [], []
     for _ in range(25):
         vector = random.normal(0, 0.006, 3)
         turned = _compare(vector, random)
         off.append(turned.vector - vector)
-        told.append(turned.covariance)
-    scatter = np.mean([o @ np.linalg.solve(c, o) for o, c in zip(off, told, strict=True)]) / 3
+        expected.append(turned.covariance)
+    scatter = np.mean([o @ np.linalg.solve(c, o) for o, c in zip(off, expected, strict=True)]) / 3
     # points are not independent, and warping has errors of its own
     assert 0.2 < scatter < 5
 

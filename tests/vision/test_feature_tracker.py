@@ -69,15 +69,15 @@ def test_the_covariance_matches_the_noise(clean: list[sequences.LabelledPicture]
     """The same picture with new noise: positions scatter as the covariance, within a factor."""
     random = np.random.default_rng(5)
     tracker = _tracker(clean[0])
-    places, told = [], []
+    positions, expected = [], []
     for _ in range(60):
         noise = random.normal(0, 8, clean[0].grey.shape)
         noisy = np.clip(clean[0].grey + noise, 0, 255).astype(np.uint8)
         track = tracker.step(noisy)
         assert not isinstance(track, str)
-        places.append(track.pixel)
-        told.append(track.covariance[0])
-    ratio = np.var(places, axis=0).mean() / np.mean(told)
+        positions.append(track.pixel)
+        expected.append(track.covariance[0])
+    ratio = np.var(positions, axis=0).mean() / np.mean(expected)
     # points share windows: the number of independent ones is a guess
     assert 0.1 < ratio < 3
 
@@ -111,12 +111,12 @@ def test_normalised_contrast_is_independent_of_gain_and_offset(
 
 def test_an_affine_map_is_its_matrix(clean: list[sequences.LabelledPicture]) -> None:
     affine = Affine(10 + 20j, 1.2 * np.exp(0.3j), 0.1 - 0.2j)
-    matrix = affine.matrix(3 + 4j, affine.place)
+    matrix = affine.matrix(3 + 4j, affine.position)
     offsets = np.array([1 + 0j, 1j, -2 + 3j])
-    moved = affine.place + affine.moves(offsets)
-    for offset, place in zip(offsets, moved, strict=True):
+    moved = affine.position + affine.moves(offsets)
+    for offset, position in zip(offsets, moved, strict=True):
         x, y = matrix @ [3 + offset.real, 4 + offset.imag, 1]
-        assert (x, y) == pytest.approx((place.real, place.imag), abs=1e-12)  # rounding
+        assert (x, y) == pytest.approx((position.real, position.imag), abs=1e-12)  # rounding
 
 
 def test_points_lie_in_the_window(clean: list[sequences.LabelledPicture]) -> None:

@@ -31,7 +31,7 @@ from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig, close_all
-from endolock.twin.hil.hil_server import Ready, Setup
+from endolock.twin.hil.hil_server import HilSetup, Ready
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario, load
@@ -82,7 +82,7 @@ class HilRig(ClosingRig):
         self._far = _Far()
         try:
             ready: Ready = self._far.start(
-                Setup(
+                HilSetup(
                     scenario=self.scenario,
                     instrument=made,
                     numerics=numerics or Numerics(),
@@ -153,7 +153,7 @@ class _Far:
             )
         self._channel: Connection | None = Connection(ours.detach())
 
-    def start(self, setup: Setup) -> Any:
+    def start(self, setup: HilSetup) -> Any:
         """Send the set-up; return what the server offers."""
         return self._exchange(setup)
 

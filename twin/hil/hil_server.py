@@ -35,7 +35,7 @@ AWAY_S = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class HilSetup:
     """Parameters of the server."""
 
     scenario: Scenario
@@ -62,7 +62,7 @@ class Ready:
 
     port: str
     origin: float | None
-    """Zero of the wall clock; None in lock-step."""
+    """Origin of the wall clock; None in lock-step."""
     timestep_s: float
     calibration: Calibration
     board: BoardGeometry
@@ -78,7 +78,7 @@ class HilServer:
         setup: its parameters.
     """
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: HilSetup) -> None:
         from endolock.hw.emulator.pty_line import PtyLine  # on Linux only
 
         self.rig = TwinRig(

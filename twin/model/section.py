@@ -147,7 +147,7 @@ def _handles(spec: mujoco.MjSpec, instrument: Instrument) -> None:
 def _rings(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> mujoco.MjsBody:
     """Base, alternating hinges with their rings, rigid tip with camera and light.
 
-    Nothing pushes the base: it turns with the shaft as it is told.
+    The base is a mocap body: its pose is set by the roll of the shaft, and no force moves it.
     """
     pitch = instrument.bending_length_m / hinges
     radius = instrument.outer_diameter_m / 2

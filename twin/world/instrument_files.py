@@ -56,9 +56,9 @@ def dump(instrument: Instrument, header: str) -> str:
         header: the comment at the top, without comment marks.
     """
     lines = [f"# {line}".rstrip() for line in header.splitlines()]
-    told = meanings()
+    meaning_of = meanings()
     for name, value in asdict(instrument).items():
-        lines += ["", *wrap(told[name], 98, initial_indent="# ", subsequent_indent="# ")]
+        lines += ["", *wrap(meaning_of[name], 98, initial_indent="# ", subsequent_indent="# ")]
         lines.append(f"{name} = {float(value)!r}")
     return "\n".join(lines) + "\n"
 

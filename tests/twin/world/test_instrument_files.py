@@ -37,10 +37,10 @@ def test_an_instrument_is_unchanged_by_writing_and_reading(
 def test_a_written_file_explains_every_value() -> None:
     text = instrument_files.dump(Instrument(), "Mine.")
     for field, meaning in zip(fields(Instrument), instrument_files.meanings().items(), strict=True):
-        name, told = meaning
+        name, text = meaning
         assert name == field.name
-        assert "[" in told, f"{name} has no unit"
-        assert "ssumed" in told or "Literature" in told or "Data sheet" in told, name
+        assert "[" in text, f"{name} has no unit"
+        assert "ssumed" in text or "Literature" in text or "Data sheet" in text, name
     assert tomllib.loads(text) == asdict(Instrument())
 
 
@@ -61,9 +61,9 @@ def test_a_written_file_explains_every_value() -> None:
 def test_a_bad_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=message) as told:
+    with pytest.raises(ConfigError, match=message) as caught:
         instrument_files.load(file)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_an_unknown_name_is_refused() -> None:
