@@ -36,11 +36,11 @@ def test_an_instrument_is_unchanged_by_writing_and_reading(
 
 def test_a_written_file_explains_every_value() -> None:
     text = instrument_files.dump(Instrument(), "Mine.")
-    for field, meaning in zip(fields(Instrument), instrument_files.meanings().items(), strict=True):
-        name, text = meaning
+    for field, entry in zip(fields(Instrument), instrument_files.meanings().items(), strict=True):
+        name, meaning = entry
         assert name == field.name
-        assert "[" in text, f"{name} has no unit"
-        assert "ssumed" in text or "Literature" in text or "Data sheet" in text, name
+        assert "[" in meaning, f"{name} has no unit"
+        assert "ssumed" in meaning or "Literature" in meaning or "Data sheet" in meaning, name
     assert tomllib.loads(text) == asdict(Instrument())
 
 
