@@ -100,7 +100,7 @@ def scored(rig: TwinRig | SurrogateRig, law: str) -> float:
         return float(metrics.score(run, camera, 10.0).as_dict()["error_px"]["rms"])
 
 
-@pytest.mark.parametrize("name", ["straight", "circle"])
+@pytest.mark.parametrize("name", ["straight", pytest.param("circle", marks=pytest.mark.slow)])
 def test_controllers_score_about_as_on_the_twin(name: str) -> None:
     plays, wires = plays_of(Instrument(), 180.0), transmission_of(Instrument(), pi)
     twin = {law: scored(TwinRig(name, pictures=False), law) for law in LAWS}

@@ -14,7 +14,7 @@ from endolock.scripts.runs import log_tables, run_folder
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "run"
-    done = cli.main(["run", "circle", "--duration-s", "20", "--out", str(path)])
+    done = cli.main(["run", "circle", "--duration-s", "11", "--out", str(path)])
     assert done == 0
     return path
 

@@ -57,7 +57,9 @@ def held(name: str, handles: tuple[float, float]) -> float:
         )
 
 
-@pytest.mark.parametrize("name", ["straight", "circle", "random"])
+@pytest.mark.parametrize(
+    "name", ["straight", pytest.param("circle", marks=pytest.mark.slow), "random"]
+)
 def test_no_constant_handle_is_better_than_the_best_in_hindsight(name: str) -> None:
     best = hindsight(scenario.load(name, SCORED), Instrument(), 0).constant_px
     assert best
