@@ -16,8 +16,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from endolock.scripts.commands import hysteresis, identify
+from endolock.scripts.commands import identify
 from endolock.scripts.runs import output
+from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
 from endolock.scripts.speed import (
     environment_speed,
     link_speed,
@@ -59,7 +60,7 @@ def protocols() -> dict[str, float]:
     """Wall time of `endolock hysteresis` and of `endolock identify` on its log [s]."""
     with tempfile.TemporaryDirectory() as name:
         log_folder = Path(name) / "log"
-        measured = hysteresis.perform(hysteresis.Request(out=log_folder), show_progress=False)
+        measured = HysteresisMeasurement(out=log_folder).run()
         fitted = identify.perform(identify.Request(log=log_folder))
     return {"hysteresis_s": measured["wall_s"], "identify_s": fitted["wall_s"]}
 

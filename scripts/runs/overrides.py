@@ -109,7 +109,7 @@ def apply(
     """
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
-    made = instrument if isinstance(instrument, Instrument) else instrument_files.load(instrument)
+    made = instrument_files.load(instrument)
     base = scenario.load(source)
     for entry in entries:
         one = read(entry)

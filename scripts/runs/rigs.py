@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
@@ -108,17 +108,39 @@ VISIONS = {
 
 def rig_help() -> str:
     """List all rigs, for the help of a command."""
-    with_pictures = "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if kind.pictures)
     without = "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if not kind.pictures)
     return (
-        f"What to drive: {with_pictures}; serial:PORT (a bench); or, for --vision truth alone, a "
-        f"model without physics and pictures: {without}."
+        f"What to drive: {_with_pictures()}; serial:PORT (a bench); or, for --vision truth alone, "
+        f"a model without physics and pictures: {without}."
     )
+
+
+def tracked_rig_help() -> str:
+    """List the rigs with a pose tracker, for the help of a command."""
+    return f"What to drive: {_with_pictures()}."
+
+
+def pictured_rig_help() -> str:
+    """List the rigs that take pictures, for the help of a command."""
+    return f"What to drive: {_with_pictures()}; serial:PORT (a bench)."
 
 
 def vision_help() -> str:
     """List all kinds of vision, for the help of a command."""
-    return "; ".join(f"{name}: {summary}" for name, summary in VISIONS.items()) + "."
+    return _listed(VISIONS)
+
+
+def picture_vision_help() -> str:
+    """List the kinds of vision that look at pictures, for the help of a command."""
+    return _listed([name for name in VISIONS if name != "truth"])
+
+
+def _with_pictures() -> str:
+    return "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if kind.pictures)
+
+
+def _listed(visions: Iterable[str]) -> str:
+    return "; ".join(f"{name}: {VISIONS[name]}" for name in visions) + "."
 
 
 def make(

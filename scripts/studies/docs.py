@@ -19,10 +19,11 @@ from endolock.control.identification.fits import fit
 from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import cli
-from endolock.scripts.commands import hysteresis, identify
+from endolock.scripts.commands import identify
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table
 from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.studies import (
@@ -104,7 +105,9 @@ def main(_args: list[str]) -> int:
     with console.status("running the benchmark of the controllers, some minutes"):
         (ROOT / "docs" / "benchmark.md").write_text(controller_benchmark.page(), encoding="utf-8")
     with tempfile.TemporaryDirectory() as temporary:
-        record = hysteresis.perform(hysteresis.Request(map=True, out=Path(temporary) / "log"))
+        record = HysteresisMeasurement(map=True, out=Path(temporary) / "log").run(
+            show_progress=True
+        )
     hysteresis_figure.draw(record, ROOT / "docs" / "hysteresis.png")
 
     with console.status("running the controllers with pictures, some minutes"):
@@ -165,8 +168,7 @@ def identified() -> str:
     for name in ("pretensioned", "slack"):
         with tempfile.TemporaryDirectory() as temporary:
             log = Path(temporary) / "log"
-            request = hysteresis.Request(instrument=name, noise_deg=0.1, out=log)
-            hysteresis.perform(request, show_progress=False)
+            HysteresisMeasurement(instrument=name, noise_deg=0.1, out=log).run()
             record = identify.perform(identify.Request(log=log))
         made = instrument_files.load(name)
         true = figures(cable_of(made, radians(record["shaft_deg"])))

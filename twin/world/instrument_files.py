@@ -27,16 +27,19 @@ def names() -> list[str]:
     return files.names(FOLDER)
 
 
-def load(source: str | Path) -> Instrument:
+def load(source: str | Path | Instrument) -> Instrument:
     """Read an instrument.
 
     Args:
-        source: name of an instrument of the package, or path of a TOML file.
+        source: name of an instrument of the package, path of a TOML file, or an
+            instrument, which is returned.
 
     Raises:
         ConfigError: there is no such instrument, the file is not TOML, a key is unknown, or a value
             is out of range.
     """
+    if isinstance(source, Instrument):
+        return source
     values, name = files.read("instrument", FOLDER, str(source))
     try:
         return _ADAPTER.validate_python(values)

@@ -1,9 +1,8 @@
-"""`endolock hysteresis`: figures of the instruments, files, bad input, interruption."""
+"""`endolock hysteresis`: figures of the default instrument, files, bad input, interruption."""
 
 import json
 import re
 import signal
-from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,11 @@ import cv2
 import mujoco
 import pytest
 
-from endolock.hw.api import ConfigError, Mode, Pose
+from endolock.hw.api import Pose
 from endolock.scripts import cli
-from endolock.scripts.commands import hysteresis
-from endolock.scripts.commands.hysteresis import Request
-from endolock.scripts.runs import hysteresis_protocol, run_folder
-from endolock.scripts.runs.hysteresis_protocol import Protocol
+from endolock.scripts.runs import hysteresis_widths, run_folder
+from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
 from endolock.twin.pose_tracker import TwinPoseTracker
-from endolock.twin.rig import TwinRig
-from endolock.twin.world import instrument_files
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +26,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def _loop(**options: Any) -> dict[str, Any]:
+def _loop(shaft_deg: float) -> dict[str, Any]:
     """Figures of the loop alone, without the one-sided strokes and the drift."""
-    request = Request(numerics="fast", **options)
-    strokes, other_axis_rad, _ = hysteresis._strokes(request, False, whole=False)
-    return hysteresis.figures(strokes) | {"other_axis_deg": degrees(other_axis_rad)}
+    measurement = HysteresisMeasurement(numerics="fast", shaft_deg=shaft_deg)
+    return hysteresis_widths.figures(measurement.strokes(whole=False).strokes)
 
 
 def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft(folder: Path) -> None:
     half = json.loads((folder / "hysteresis.json").read_text())
-    straight, whole = (_loop(shaft_deg=deg) for deg in (0.0, 360.0))
+    straight, whole = (_loop(shaft_deg) for shaft_deg in (0.0, 360.0))
     assert 0.18 <= half["width"]["30"] <= 0.22  # w = 0.2 has one digit in the excerpt
     assert straight["width"]["30"] < half["width"]["30"] < whole["width"]["30"]
     assert half["deadband_rad"] == 0.0
@@ -52,40 +46,6 @@ def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft(folder: Path) 
         assert turns["back"]["90"] > turns["back"]["30"] > turns["out"]["30"]
         # a full turn at a bend loses the loop's width there; 3 %: measured from 8 deg on
         assert turns["back"]["60"] == pytest.approx(half["width"]["60"], rel=0.03)
-
-
-@pytest.mark.parametrize("axis", ["up_down", "left_right"])
-def test_the_other_axis_widens_the_loop(axis: Any) -> None:
-    alone, beside = (_loop(axis=axis, other_axis_deg=deg) for deg in (0.0, 60.0))
-    assert beside["other_axis_deg"] == pytest.approx(60, abs=2)  # reached by turning slowly
-    assert beside["width"]["30"] > 1.15 * alone["width"]["30"]
-
-
-def test_slack_gives_a_deadband_and_friction_gives_none() -> None:
-    slack = instrument_files.load("slack")
-    right = pytest.approx(2 * slack.slack_m / slack.pulley_radius_m, rel=0.1)
-    assert _loop(instrument="slack")["deadband_rad"] == right
-    assert _loop(instrument="two_region", shaft_deg=0.0)["deadband_rad"] == right
-    assert _loop(instrument="two_region")["deadband_rad"] == 0.0
-
-
-def test_a_bend_that_remains_at_handle_zero_hides_the_smaller_strokes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # not checked here
-    request = Request(shaft_deg=540.0, numerics="fast")
-    record = hysteresis.perform(request, show_progress=False)
-    assert record["width"]["30"] > 0.3  # the loop is still reported
-    for ways in record["strokes"].values():
-        assert ways["back"]["30"] is None
-        assert ways["out"]["30"] is None
-
-
-def test_half_the_speed_changes_no_width(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual = _loop()["width"]
-    monkeypatch.setattr(hysteresis_protocol, "SPEED_RAD_S", 0.1)
-    slower = _loop()["width"]
-    assert usual == pytest.approx(slower, rel=0.02)  # quasi-static; noise of the tracker is 0.5 %
 
 
 def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
@@ -104,24 +64,6 @@ def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
     picture = cv2.imread(str(folder / "hysteresis.png"))
     assert picture is not None
     assert picture.shape[1] > 1000
-
-
-def test_maps_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """With few points; a bend that the other axis cannot reach gives a row without figures."""
-    monkeypatch.setattr(hysteresis, "MAP_OTHER_DEG", (0, 40, 170))
-    monkeypatch.setattr(hysteresis, "MAP_SHAFT_DEG", (0, 180))
-    monkeypatch.setattr(hysteresis_protocol, "DRIFT_S", 1.0)  # only the loops are looked at here
-    monkeypatch.setattr(Protocol, "_one_sided", lambda *_: {})
-    record = hysteresis.perform(Request(numerics="fast", map=True), show_progress=False)
-    near, beside, beyond = record["map"]["width"]
-    assert all(a < b for a, b in zip(near[:5], beside[:5], strict=True))
-    assert set(beyond) == {None}
-    record["shaft_map"]["deadband_rad"][0] = None  # as if a loop could not be measured
-    straight, bent = record["shaft_map"]["width_at_30"]
-    assert straight < bent
-    from endolock.scripts.figures import hysteresis_figure
-
-    assert hysteresis_figure.draw(record, tmp_path / "maps.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
@@ -147,11 +89,6 @@ def test_bad_input_gives_one_line_and_leaves_nothing(
     assert not out.exists()
 
 
-def test_a_rig_without_a_tracker_is_refused() -> None:
-    with TwinRig("rest", pictures=False) as rig, pytest.raises(ConfigError, match="no pose tracke"):
-        Protocol(rig, 0)
-
-
 def test_a_blind_tracker_leaves_no_folder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,27 +99,6 @@ def test_a_blind_tracker_leaves_no_folder(
     assert cli.main(["hysteresis", "--out", str(tmp_path / "run")]) == 2
     assert "the pose tracker gave 0 poses in 1.0 s; check that" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
-
-
-def _bend_and_run(protocol: Protocol) -> None:
-    protocol.bend_other_axis(0.3)
-    protocol.run()
-
-
-@pytest.mark.parametrize("after_s", [2.0, 6.0])
-def test_an_interruption_leaves_the_handles_held(after_s: float) -> None:
-    """While the other axis is being bent, and during the strokes."""
-
-    def interrupt(t: float) -> None:
-        if t >= after_s:
-            raise KeyboardInterrupt
-
-    watched = hysteresis.scenario_for(180.0, 0.05)
-    with TwinRig(watched, pictures=False) as rig:
-        protocol = Protocol(rig, 0, interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            _bend_and_run(protocol)
-        assert rig.actuators.mode is Mode.HOLDING
 
 
 def test_ctrl_c_ends_with_130_and_a_readable_log(

@@ -10,8 +10,9 @@ import pytest
 
 from endolock.control.laws.hysteresis_compensation import CompensationSettings
 from endolock.control.laws.pi import PISettings
-from endolock.scripts.commands import hysteresis
+from endolock.scripts.runs import hysteresis_widths
 from endolock.scripts.runs.batch import FOLLOWED
+from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
 from endolock.scripts.studies import controller_calibration
 from endolock.scripts.thesis import chapter_figures, chapter_runs, statements
 
@@ -70,9 +71,10 @@ def test_the_tip_rests_if_the_handles_are_held(runs: chapter_runs.Runs) -> None:
 def test_the_endoscope_lies_straight_with_the_loop_width_of_the_excerpt() -> None:
     task = chapter_runs.experiment("b", "straight", "pi").resolve()
     assert task.scenario.shaft_bend_deg == 0.0
-    asked = hysteresis.Request(instrument=chapter_runs.INSTRUMENT, shaft_deg=0.0, noise_deg=0.0)
-    strokes, *_ = hysteresis._strokes(asked, False, whole=False)
-    record = hysteresis.figures(strokes)
+    measurement = HysteresisMeasurement(
+        instrument=chapter_runs.INSTRUMENT, shaft_deg=0.0, noise_deg=0.0
+    )
+    record = hysteresis_widths.figures(measurement.strokes(whole=False).strokes)
     assert record["width"]["30"] == pytest.approx(0.2, abs=0.01)  # 0.2 has one digit
     assert record["deadband_rad"] == 0.0
 
