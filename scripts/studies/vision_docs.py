@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from endolock.scripts.commands import latency
 from endolock.scripts.figures import palette
+from endolock.scripts.runs.latency_measurement import LatencyMeasurement
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies import sequences, vision_accuracy
 from endolock.twin.rig import TwinRig
@@ -70,9 +70,7 @@ class VisionMeasurements:
         self.hidden = vision_accuracy.hide(sequences.OCCLUSIONS)
         self.right, self.wrong = vision_accuracy.triple(sequences.OCCLUSIONS)
         self.latencies = {
-            (true, jitter): latency.perform(
-                latency.Request(latency_s=true, jitter_s=jitter), show_progress=False
-            )
+            (true, jitter): LatencyMeasurement(latency_s=true, jitter_s=jitter).run()
             for true, jitter in ((0.1, 0.0), (0.33, 0.0), (0.4, 0.015), (0.8, 0.0))
         }
 
@@ -139,10 +137,10 @@ class VisionMeasurements:
     def _latency(self) -> str:
         rows = []
         for (true, jitter), found in self.latencies.items():
-            low, high = found["ci95_s"]
-            cells = [f"{true:.2f} s", f"+-{1e3 * jitter:.0f} ms", f"{found['latency_s']:.4f} s"]
-            cells += [f"{low:.4f} to {high:.4f} s", f"{1e3 * (found['latency_s'] - true):+.1f} ms"]
-            rows.append([*cells, f"{1e3 * found['jitter_s']:.1f} ms"])
+            low, high = found.ci95_s
+            cells = [f"{true:.2f} s", f"+-{1e3 * jitter:.0f} ms", f"{found.latency_s:.4f} s"]
+            cells += [f"{low:.4f} to {high:.4f} s", f"{1e3 * (found.latency_s - true):+.1f} ms"]
+            rows.append([*cells, f"{1e3 * found.jitter_s:.1f} ms"])
         head = [
             "latency",
             "jitter",

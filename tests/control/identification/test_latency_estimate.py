@@ -5,7 +5,7 @@ import pytest
 
 from endolock.control.identification import latency_estimate
 from endolock.hw.api import Vector
-from endolock.scripts.commands.latency import LEAD_S, STROKE_S, stroke_angle
+from endolock.scripts.runs.latency_measurement import LEAD_S, STROKE_S, stroke_angle
 
 T = np.arange(0.0, LEAD_S + 8 * STROKE_S + latency_estimate.LONGEST_S, 0.02)
 HANDLE = np.array([stroke_angle(t, 8) for t in T])
