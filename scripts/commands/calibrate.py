@@ -9,12 +9,8 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from endolock.hw.api import ConfigError
 from endolock.hw.camera import camera_file
-from endolock.scripts.runs import output, recordings
-from endolock.vision import calibration as calibrations
-from endolock.vision.detector import Marker, MarkerDetector
-from endolock.vision.grey import grey_of, smoothed
+from endolock.scripts.runs import output, recorded_calibration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,26 +34,14 @@ class Request:
 def main(request: Request) -> int:
     """Carry out `endolock calibrate`; return the exit code."""
     output.check_json(request.json)
-    recording = recordings.open_(
-        request.source, times=request.times, calibration=None, board=request.board
-    )
-    detect = MarkerDetector(recording.board)
-    views: list[list[Marker]] = []
-    size: tuple[int, int] | None = None
-    err = Console(stderr=True)
-    with err.status("detecting the board"):
-        for frame in recording.frames:
-            if frame.image is None or frame.repeated:
-                continue
-            height, width, _ = frame.image.shape
-            if size not in (None, (width, height)):
-                raise ConfigError(
-                    f"pictures of {request.source} differ in size", "use pictures of one camera"
-                )
-            size = width, height
-            views.append(detect(smoothed(grey_of(frame.image))))
-    with err.status("calibrating"):
-        found = calibrations.calibrate(views, recording.board, size or (0, 0), request.projection)
+    with Console(stderr=True).status("detecting the board") as status:
+        found = recorded_calibration.calibrate(
+            request.source,
+            times=request.times,
+            board=request.board,
+            projection=request.projection,
+            progress=status.update,
+        )
     camera_file.write(found, request.out)
     output.write_json(asdict(found), request.json)
     if request.json != "-":

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from endolock.control import metrics
-from endolock.control.loop import Run, Seen
-from endolock.hw.api import ConfigError
-from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera
 from endolock.scripts.commands.run import selection
-from endolock.scripts.runs import output, recordings, run_folder
-from endolock.vision.marker_eyes import MarkerEyes
-from endolock.vision.observation import Eyes
-from endolock.vision.track_eyes import TrackEyes
+from endolock.scripts.runs import output, rigs
+from endolock.scripts.runs.recorded_vision import RecordedVision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +26,7 @@ class Request:
     """TOML file of the camera; required for a video, see endolock calibrate."""
     board: tyro.conf.DisallowNone[str | None] = None
     """Board: rings, tissue or several; default: that of the run, or rings."""
-    vision: str = "markers"
-    """markers: find the board in the pictures; track: follow the target without markers."""
+    vision: Annotated[str, tyro.conf.arg(help=rigs.picture_vision_help())] = "markers"
     select: tyro.conf.DisallowNone[str | None] = None
     """With track: rectangle of the first picture to follow, as X,Y,WIDTH,HEIGHT [px]."""
     out: tyro.conf.DisallowNone[Path | None] = None
@@ -48,86 +38,31 @@ class Request:
 def main(request: Request) -> int:
     """Carry out `endolock watch`; return the exit code."""
     output.check_json(request.json)
+    task = RecordedVision(
+        source=request.source,
+        times=request.times,
+        calibration=request.calibration,
+        board=request.board,
+        vision=request.vision,
+        select=selection(request.select),
+        out=request.out,
+    )
     with Console(stderr=True).status("running vision"):
-        record = perform(request)
-    output.write_json(record, request.json)
+        record = task.run()
+    output.write_json(asdict(record), request.json)
     if request.json != "-":
         console = Console(highlight=False)
-        found = record["detected_fraction"]
-        seen, judged = record["delayed_error_px"]["rms"], record["vision_error_px"]
+        found = record.detected_fraction
+        seen, judged = record.delayed_error_px.rms, record.vision_error_px
         console.print(
-            f"{record['frames']} frames, target found in {100 * (found or 0):.1f} %, "
-            f"{record['vision_ms']:.1f} ms per frame"
+            f"{record.frames} frames, target found in {100 * (found or 0):.1f} %, "
+            f"{record.vision_ms:.1f} ms per frame"
         )
         if seen is not None:
             console.print(f"distance of the target from the image centre, rms: {seen:.1f} px")
-        if judged and judged["rms"] is not None:
-            off = f"{judged['rms']:.2f} px, at most {judged['max']:.2f} px"
+        if judged and judged.rms is not None:
+            off = f"{judged.rms:.2f} px, at most {judged.max:.2f} px"
             console.print(f"distance of the target from its position by the markers, rms: {off}")
-        for why, count in record["refused"].items():
+        for why, count in record.refused.items():
             console.print(f"{count:6d}  {why}", markup=False)
     return 0
-
-
-def perform(request: Request) -> dict[str, Any]:
-    """Run vision on every frame.
-
-    Raises:
-        ConfigError: the request cannot be carried out.
-    """
-    recording = recordings.open_(
-        request.source, times=request.times, calibration=request.calibration, board=request.board
-    )
-    if recording.calibration is None:
-        raise ConfigError("the camera is unknown", "give --calibration, see endolock calibrate")
-    clock = PlaybackClock()
-    camera = RecordedCamera(recording.calibration, clock, recording.frames)
-    eyes = _eyes(request, recording)
-    folder = None
-    if request.out:
-        known = {"calibration": asdict(recording.calibration), "board": asdict(recording.board)}
-        folder = run_folder.RunFolder(
-            request.out, {"run": {"source": str(request.source)}, **known}
-        )
-    run, taken = Run(), []
-    refused: Counter[str] = Counter()
-    try:
-        while (due := camera.due) is not None:
-            clock.sleep_until(due)
-            frame = camera.latest()
-            assert frame is not None
-            start = time.perf_counter()
-            observation = eyes(frame)
-            taken.append(time.perf_counter() - start)
-            if observation.why:
-                refused[observation.why] += 1
-            seen = Seen(frame=frame, observation=observation, overview=None, truth=None)
-            if folder:
-                folder.seen(seen)
-            run.seen.append(seen.without_pictures())
-    finally:
-        if folder:
-            folder.close()
-    scores = metrics.score(run, recording.calibration, 0.0).as_dict()
-    names = ("frames", "detected_fraction", "delayed_error_px", "vision_error_px")
-    record = {
-        **{name: scores[name] for name in names},
-        "vision": request.vision,
-        "vision_ms": 1e3 * median(taken) if taken else None,
-        "refused": dict(refused.most_common()),
-    }
-    if folder:
-        folder.finish(record)
-    return record
-
-
-def _eyes(request: Request, recording: recordings.Recording) -> Eyes:
-    assert recording.calibration is not None
-    selected = selection(request.select)
-    if request.vision == "track":
-        return TrackEyes(recording.calibration, recording.board, selected)
-    if request.vision != "markers":
-        raise ConfigError(f"vision '{request.vision}' is unknown here", "use markers or track")
-    if selected:
-        raise ConfigError("--select goes with --vision track, not with markers")
-    return MarkerEyes(recording.calibration, recording.board)
