@@ -24,8 +24,7 @@ from endolock.hw.dynamixel.port import serial_port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.emulator.wire_faults import parse
 from endolock.scripts import cli
-from endolock.scripts.commands import bus
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import bus_replay, run_folder
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.vision.truth_eyes import TruthEyes
 
@@ -116,9 +115,9 @@ def test_a_fault_leaves_a_complete_folder(
     ticks = run_folder.read(out, "ticks")
     assert ticks["t"].to_pylist() == pytest.approx([0.02 * n for n in range(ticks.num_rows)])
     assert ticks["t"][-1].as_py() == pytest.approx(caught.value.t - 0.02)  # the tick before
-    told = bus.perform(out)
-    assert told["requests_equal"]
-    assert told["positions_equal"] == ticks.num_rows
+    told = bus_replay.replay(out)
+    assert told.requests_equal
+    assert told.positions_equal == ticks.num_rows
 
 
 @pytest.fixture
@@ -153,10 +152,10 @@ def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
     ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
     assert ticks.num_rows > 10
     assert frames.num_rows > 5
-    told = bus.perform(folder)
-    assert told["requests_equal"]
+    told = bus_replay.replay(folder)
+    assert told.requests_equal
     # The last cycles may not have reached the table, which is written with every frame.
-    assert told["positions_equal"] == ticks.num_rows
+    assert told.positions_equal == ticks.num_rows
     clock = WallClock()
     line = Bus(serial_port(emulator, 1_000_000), clock, NAMES)
     line.open()  # the kernel has let go of the port
