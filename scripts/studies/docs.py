@@ -19,11 +19,11 @@ from endolock.control.identification.fits import fit
 from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import cli
-from endolock.scripts.commands import identify
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
+from endolock.scripts.runs.instrument_fit import InstrumentFit
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.studies import (
@@ -169,14 +169,14 @@ def identified() -> str:
         with tempfile.TemporaryDirectory() as temporary:
             log = Path(temporary) / "log"
             HysteresisMeasurement(instrument=name, noise_deg=0.1, out=log).run()
-            record = identify.perform(identify.Request(log=log))
+            record = InstrumentFit(log=log).run()
         made = instrument_files.load(name)
-        true = figures(cable_of(made, radians(record["shaft_deg"])))
-        for key, found in record["params"].items():
-            known = "" if found["determined"] else "not determined"
-            cells = (f"{true[key]:.4g}", f"{found['value']:.4g}", f"{found['std']:.2g}")
+        true = figures(cable_of(made, radians(record.shaft_deg)))
+        for key, found in record.params.items():
+            known = "" if found.determined else "not determined"
+            cells = (f"{true[key]:.4g}", f"{found.value:.4g}", f"{found.std:.2g}")
             rows.append([name, f"`{key}`", *cells, known])
-        held, play = record["heldout_rms_deg"], record["play_heldout_rms_deg"]
+        held, play = record.heldout_rms_deg, record.play_heldout_rms_deg
         rows.append([name, f"held out, deg rms (a play: {play:.2f})", "", f"{held:.2f}", "", ""])
     head = ["instrument", "parameter", "true", "found", "+-", ""]
     return markdown_table(head, rows, "llrrrl")
