@@ -14,6 +14,7 @@ from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel.port import BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
+from endolock.scripts.commands.run import INSTRUMENT
 from endolock.twin.hil.hil_server import HilServer, HilSetup
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import NUMERICS
@@ -42,8 +43,7 @@ class Request:
     machine; the source of the camera in bench.toml is then http://127.0.0.1:PORT/."""
     scenario: str = "rest"
     """With --video: motion of the board in front of the camera, as for run."""
-    instrument: str = "pretensioned"
-    """Which endoscope: pretensioned, slack, two_region, thesis, or a TOML file of that form."""
+    instrument: Annotated[str, tyro.conf.arg(help=INSTRUMENT)] = "pretensioned"
     seed: int = 0
     """Seed of the random faults."""
 
