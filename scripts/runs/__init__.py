@@ -1,1 +1,1 @@
-"""The run library: rigs by name, run folders, overrides, batches, logs."""
+"""The run library: experiments, measurements, rigs by name, run folders, overrides, logs."""
