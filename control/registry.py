@@ -1,4 +1,4 @@
-"""The controllers by name, and the settings of each."""
+"""Registry of controllers: makes them and their settings from names."""
 
 from __future__ import annotations
 
@@ -30,44 +30,46 @@ from endolock.hw.api import Calibration, ConfigError, Truth
 
 
 class Law(NamedTuple):
-    """How a controller is made."""
+    """A controller in the registry."""
 
     make: Callable[..., Controller]
-    """From the calibration of the tip camera and the settings."""
+    """Makes it from the calibration of the tip camera and its settings."""
     settings: type[Any]
-    """What can be set: a dataclass."""
+    """Dataclass of its settings."""
     summary: str
-    """What it does, for help texts."""
+    """Description for help texts."""
 
 
 LAWS: dict[str, Law] = {
-    "still": Law(Still, StillSettings, "holds the handles: the cost of doing nothing"),
-    "pi": Law(PI, PISettings, "PI on the pixel error, the thesis' first"),
+    "still": Law(Still, StillSettings, "holds the handles: the error without control"),
+    "pi": Law(PI, PISettings, "PI on the pixel error, the first of the thesis"),
     "pi_hc": Law(compensation.pi_hc, compensation.PIHCSettings, "pi with hysteresis compensation"),
     "pi_simc": Law(SimcPI, SimcSettings, "PI tuned by SIMC"),
-    "pi_simc_hc": Law(compensation.pi_simc_hc, compensation.SimcHCSettings, "pi_simc with it"),
+    "pi_simc_hc": Law(
+        compensation.pi_simc_hc, compensation.SimcHCSettings, "pi_simc with hysteresis compensation"
+    ),
     "ik": Law(InverseKinematics, IKSettings, "inverse kinematics for an assumed distance"),
     "ik_sync": Law(SynchronousIK, IKSyncSettings, "ik on the bend at the exposure"),
     "smith": Law(Smith, SmithSettings, "PI with a Smith predictor"),
     "repetitive": Law(Repetitive, RepetitiveSettings, "learns a motion of known period"),
     "predictive": Law(Predictive, SinglePredictiveSettings, "internal model, one predictor"),
     "predictive_bank": Law(Predictive, PredictiveSettings, "internal model, a bank of predictors"),
-    "oracle": Law(Oracle, OracleSettings, "knows the truth: a floor, not a controller"),
+    "oracle": Law(Oracle, OracleSettings, "uses the truth: a lower bound, not a controller"),
 }
-"""The one list of controllers; help texts are made from it."""
+"""All controllers by name; help texts are made from this list."""
 
 
 def help_text() -> str:
-    """List all controllers with what they do, for the help of a command."""
+    """List all controllers with their descriptions, for the help of a command."""
     listed = "; ".join(f"{name} ({law.summary})" for name, law in LAWS.items())
     return f"Controller: {listed}; or a .py file that defines make(calibration)."
 
 
 def check(name: str) -> None:
-    """Check that there is a controller of that name, or a file that makes one.
+    """Check that a name is that of a controller, or of a file that makes one.
 
     Raises:
-        ConfigError: there is none.
+        ConfigError: it is neither.
     """
     if name.endswith(user_law.SUFFIX):
         user_law.load(name)
@@ -85,15 +87,15 @@ def configure(
 
     Args:
         name: one of `LAWS`, or a file.
-        changes: what differs from the defaults, by name.
-        known: what is known of the task, by name; used where the controller has such a setting and
-            it is not changed.
+        changes: values that differ from the defaults, by name.
+        known: values known from the task, by name; used for settings of the same name that are
+            not in `changes`.
 
     Returns:
-        Its settings; of a file the changed parameters of its `make`, by name.
+        Its settings; for a file the changed parameters of its `make`, by name.
 
     Raises:
-        ConfigError: a name or value cannot be used, or something that has no default is missing.
+        ConfigError: a name or value is not valid, or a setting without a default is missing.
     """
     check(name)
     if name.endswith(user_law.SUFFIX):
@@ -104,15 +106,15 @@ def configure(
         if key not in names:
             near = get_close_matches(key, names, 1)
             hint = f"; did you mean law.{near[0]}?" if near else ""
-            choice = f"it has {', '.join(sorted(names))}" if names else "nothing of it can be set"
+            choice = f"it has {', '.join(sorted(names))}" if names else "it has no settings"
             raise ConfigError(f"{name} has no law.{key}", f"{choice}{hint}")
     values = {k: v for k, v in (known or {}).items() if k in names} | dict(changes or {})
     try:
         return TypeAdapter(settings).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
-        if isinstance(told := first.get("ctx", {}).get("error"), ConfigError):
-            raise told from None
+        if isinstance(cause := first.get("ctx", {}).get("error"), ConfigError):
+            raise cause from None
         key = ".".join(str(part) for part in first["loc"]) or "settings"
         if first["type"] == "missing":
             raise ConfigError(
@@ -128,12 +130,12 @@ def make(
 
     Args:
         name: one of `LAWS`, or a file that makes one.
-        calibration: of the tip camera.
+        calibration: calibration of the tip camera.
         settings: from `configure`; the defaults if None.
-        truth: of the rig; only the oracle uses it.
+        truth: truth of a simulated rig; only the oracle uses it.
 
     Raises:
-        ConfigError: there is no such controller, or there is no truth for the oracle.
+        ConfigError: the name is unknown, or the oracle has no truth.
     """
     if name.endswith(user_law.SUFFIX):
         return user_law.load(name).make(calibration, settings or {})
@@ -141,19 +143,20 @@ def make(
     if LAWS[name].make is Oracle:
         if truth is None:
             raise ConfigError(
-                "the oracle needs the truth, which only a twin has", "use another controller"
+                "the oracle needs the truth, which only a simulated rig has",
+                "use another controller",
             )
         return Oracle(calibration, settings, truth.now)
     return LAWS[name].make(calibration, settings)
 
 
 def adopt(controller: Any, calibration: Calibration) -> Controller:
-    """Take a controller that was made in Python, or what makes one.
+    """Wrap a controller object, or make one with a class or function, for the loop.
 
     Args:
         controller: an object with `reset` and `update`, or a class or function that returns one
             from the calibration.
-        calibration: of the tip camera.
+        calibration: calibration of the tip camera.
 
     Raises:
         ConfigError: it lacks a method.
@@ -170,11 +173,11 @@ def adopt(controller: Any, calibration: Calibration) -> Controller:
 
 
 def save(controller: Controller) -> dict[str, Any]:
-    """Return the memory of one of `LAWS`, as plain values that JSON can hold."""
+    """Return the memory of a controller of `LAWS` as plain values for JSON."""
     return asdict(controller.memory)  # type: ignore[attr-defined]
 
 
 def restore(controller: Controller, values: Mapping[str, Any]) -> None:
-    """Continue where `save` was called, with a controller made with the same settings."""
+    """Restore a memory from `save` into a controller with the same settings."""
     kind = type(controller.memory)  # type: ignore[attr-defined]
     controller.memory = TypeAdapter(kind).validate_python(values)  # type: ignore[attr-defined]

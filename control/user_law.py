@@ -1,4 +1,4 @@
-"""Controllers of the user's own: from a file, `--controller my_law.py`, or objects in Python.
+"""User controllers: from a file, `--controller my_law.py`, or objects in Python.
 
 The file defines make(calibration), which returns the controller: anything with `reset` and `update`
 as in `loop.Controller`. Keyword parameters of `make` can be set with `--vary law.NAME=VALUE`. The
@@ -28,11 +28,11 @@ SUFFIX = ".py"
 
 
 class UserController:
-    """Checks what a controller of unknown origin returns, and turns its errors into `ConfigError`.
+    """Checks the return values of a user controller, and turns its errors into `ConfigError`.
 
     Args:
         controller: has `reset(state)` and `update(t, state, observation)`.
-        file: where it is defined; None where that is not known.
+        file: the file that defines it; None if unknown.
 
     Raises:
         ConfigError: it lacks a method.
@@ -68,11 +68,11 @@ class UserController:
         return dict(getattr(self._controller, "signals", None) or {})
 
     def reset(self, state: State) -> None:
-        """Restart from the present handle state."""
+        """Restart from the current handle state."""
         _call(self._name, self._file, "reset", self._controller.reset, state)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Pass one tick on, and check the command that comes back.
+        """Update the controller for one tick, and check the command that it returns.
 
         Raises:
             ConfigError: the controller failed, or returned no usable command.
@@ -82,7 +82,7 @@ class UserController:
         if not isinstance(command, Command):
             raise ConfigError(
                 f"{self._name}: update returned {type(command).__name__} at {t:.2f} s",
-                "return endolock.Command(position=(up_down, left_right)) every time",
+                "return endolock.Command(position=(up_down, left_right)) at every tick",
             )
         try:
             position = [float(p) for p in command.position]
@@ -97,10 +97,10 @@ class UserController:
 
 
 class UserLaw(NamedTuple):
-    """A file that has been executed."""
+    """An executed file that makes a controller."""
 
     file: Path
-    """Where it is."""
+    """Path of the file."""
     function: Callable[..., Any]
     """Its make(calibration, ...)."""
 
@@ -141,14 +141,14 @@ class UserLaw(NamedTuple):
 
 
 def load(file: str) -> UserLaw:
-    """Execute a file, once for each state of it on disk.
+    """Execute a file once, and again only after it has changed on disk.
 
     Raises:
         ConfigError: it cannot be read or executed, or defines no `make`.
     """
     path = Path(file)
     if not path.is_file():
-        raise ConfigError(f"controller {file}: there is no such file", "check the path")
+        raise ConfigError(f"controller file {file} does not exist", "check the path")
     return _executed(path.resolve(), path.stat().st_mtime_ns)
 
 
@@ -161,7 +161,7 @@ def _executed(path: Path, _changed_ns: int) -> UserLaw:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses and pickle look it up there
     if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))  # last, so that a file beside it shadows nothing
+        sys.path.append(str(path.parent))  # last, so that files beside it shadow no other module
     _call(path.name, path, "", spec.loader.exec_module, module)
     return UserLaw(path, _make_of(module, path))
 
@@ -170,31 +170,31 @@ def _make_of(module: ModuleType, path: Path) -> Callable[..., Any]:
     make = getattr(module, "make", None)
     if not callable(make):
         raise ConfigError(
-            f"{path.name}: defines no make(calibration)", "let it return your controller"
+            f"{path.name}: defines no make(calibration)", "make it return your controller"
         )
     function: Callable[..., Any] = make
     return function
 
 
 def _call(
-    name: str, file: Path | None, what: str, call: Callable[..., Any], *args: Any, **options: Any
+    name: str, file: Path | None, method: str, call: Callable[..., Any], *args: Any, **options: Any
 ) -> Any:
-    """Call foreign code; its errors become one line, and what a file prints stays off stdout."""
+    """Call user code: errors become one line, and what a file prints goes to stderr."""
     output = contextlib.redirect_stdout(sys.stderr) if file else contextlib.nullcontext()
     try:
         with output:
             return call(*args, **options)
-    except Exception as error:  # whatever foreign code raises
-        did = f"{what} failed" if what else "cannot be executed"
-        raise ConfigError(f"{name}: {did}: {_description(error, file)}") from error
+    except Exception as error:  # user code may raise anything
+        problem = f"{method} failed" if method else "cannot be executed"
+        raise ConfigError(f"{name}: {problem}: {_description(error, file)}") from error
 
 
 def _description(error: Exception, file: Path | None) -> str:
     """Describe an error by its type, its message, and the last line of the file that led to it."""
     frames = traceback.extract_tb(error.__traceback__)
-    inside = [frame for frame in frames if file and Path(frame.filename) == file]
-    line = (inside or frames)[-1].lineno
-    if isinstance(error, SyntaxError) and error.lineno and not inside:
+    in_file = [frame for frame in frames if file and Path(frame.filename) == file]
+    line = (in_file or frames)[-1].lineno
+    if isinstance(error, SyntaxError) and error.lineno and not in_file:
         line = error.lineno
     text = " ".join(str(error).split()) or "no message"
     return f"{type(error).__name__}: {text} (line {line})"

@@ -24,19 +24,19 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        args: words after `endolock`; those of the process if None.
+        args: arguments after `endolock`; those of the process if None.
 
     Returns:
-        0 done, 2 wrong usage or configuration, 3 hardware fault, 130 interrupted.
+        Exit code: 0 done, 2 wrong usage or configuration, 3 hardware fault, 130 interrupted.
     """
     return guarded(_dispatch, sys.argv[1:] if args is None else list(args))
 
 
 def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
-    """Call a command with its words; turn every error a user can meet into a line and a code."""
+    """Call a command with its arguments; report each expected error in one line and a code."""
     try:
         code = call(args)
-        sys.stdout.flush()  # here, where a reader that has gone is no error yet
+        sys.stdout.flush()  # here, so that a closed pipe is handled below
         return code
     except HardwareError as error:
         return _fail(for_people(error), 3)
@@ -47,34 +47,34 @@ def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
     except SystemExit as stop:  # --help
         return int(stop.code or 0)
     except BrokenPipeError:
-        # The reader of our output has gone; keep Python from complaining about it at exit.
+        # The reader closed the pipe; keep Python from reporting it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 
 
 def parse(kind: Any, prog: str, args: list[str]) -> Any:
-    """Turn words into a request.
+    """Parse arguments into a request.
 
     Raises:
-        ConfigError: the words do not fit.
+        ConfigError: the arguments are not valid.
         SystemExit: help was asked for and printed.
     """
     import tyro
 
-    said = io.StringIO()
+    captured = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said):
+        with contextlib.redirect_stderr(captured):
             return tyro.cli(kind, prog=prog, args=args, description=DESCRIPTION)
     except SystemExit as stop:
         if stop.code:
-            raise ConfigError(fold(said.getvalue())) from None
+            raise ConfigError(fold(captured.getvalue())) from None
         raise
 
 
 def fold(box: str) -> str:
     """Turn a framed message of several lines into one line, without title, frame and help text.
 
-    The frame is drawn in box characters, or with dashes where the terminal knows no others.
+    The frame is drawn in box characters, or with dashes where the terminal does not support them.
     """
     rows = [row.strip("│╭╮╰╯ ") for row in box.splitlines()]
     rules = [i for i, row in enumerate(rows) if re.fullmatch("[─-]{8,}", row)]
@@ -82,12 +82,12 @@ def fold(box: str) -> str:
     start = 1 if titled else rules[0] + 1 if rules else 0
     end = next((i for i in rules if i > start), len(rows))
     text = [row for row in rows if row and not re.fullmatch("[─-]+", row)]
-    said = " ".join(row for row in rows[start:end] if row in text)
-    return f"{said.rstrip('.')}. {text[-1].rstrip('.')}" if text else "wrong usage"
+    message = " ".join(row for row in rows[start:end] if row in text)
+    return f"{message.rstrip('.')}. {text[-1].rstrip('.')}" if text else "wrong usage"
 
 
 def _dispatch(args: list[str]) -> int:
-    # Loaded here, where a Ctrl-C and whatever fails to load are already told in one line.
+    # Imported here, so that `guarded` reports a Ctrl-C or an import error in one line.
     import tyro
 
     from endolock.scripts.commands.doctor import examination
@@ -95,7 +95,7 @@ def _dispatch(args: list[str]) -> int:
     if args == ["--version"]:
         print(endolock.__version__)
         return 0
-    if args[:1] == ["doctor"]:  # it must work where nothing else can be loaded
+    if args[:1] == ["doctor"]:  # it must work where other commands cannot be imported
         return examination.main(parse(examination.Request, "endolock doctor", args[1:]))
     try:
         from endolock.scripts.commands import (
@@ -113,7 +113,7 @@ def _dispatch(args: list[str]) -> int:
             watch,
         )
     except (ImportError, AttributeError, RuntimeError) as error:
-        # MuJoCo loads OpenGL when it is imported, through what MUJOCO_GL names.
+        # When imported, MuJoCo loads OpenGL through the library that MUJOCO_GL selects.
         if not endolock.opengl():
             raise
         raise ConfigError(

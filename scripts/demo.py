@@ -1,4 +1,4 @@
-"""`./run demo`: holding still and two laws, straight path; table, figure, strip of pictures."""
+"""`./run demo`: holding still and two controllers on a straight path; table, figure, pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from endolock.scripts import cli
 
 def main(args: list[str]) -> int:
     """Run the demo; `args` are further options of `endolock compare`."""
-    # cli.guarded says what fails to load
+    # Imported here, so that cli.guarded reports import errors.
     from endolock.scripts.commands import compare
     from endolock.scripts.figures import error_figure, rerun_export, strip
     from endolock.scripts.runs import output, record_table, run_folder
@@ -22,16 +22,16 @@ def main(args: list[str]) -> int:
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    place = request.out or run_folder.new_path(RUNS, "demo")
-    series = run_all(compare.plan(request, place))
+    folder = request.out or run_folder.new_path(RUNS, "demo")
+    series = run_all(compare.plan(request, folder))
     records = series.records
     moving = (record for record in records if record.controller != "still")
     first = next(moving, records[0]).folder
     results: dict[str, Path | str] = {}
     with console.status("writing errors.png, strip.png and run.rrd"):
-        results["error over time"] = error_figure.draw(records, place / "errors.png")
+        results["error over time"] = error_figure.draw(records, folder / "errors.png")
         if strip.pictures(first):
-            results["what the tip camera saw"] = strip.write(first, place / "strip.png")
+            results["what the tip camera saw"] = strip.write(first, folder / "strip.png")
         rerun_export.derive(first)
     output.write_json({"rows": [record.as_dict() for record in records]}, request.json)
     if request.json != "-":
@@ -39,8 +39,8 @@ def main(args: list[str]) -> int:
         for line in record_table.legend(records):
             console.print(line, soft_wrap=True, highlight=False)
         results["look into a run"] = f"./run endolock view {first}"
-        for what, where in results.items():
-            console.print(f"{what}: {where}", soft_wrap=True, highlight=False, markup=False)
+        for label, result in results.items():
+            console.print(f"{label}: {result}", soft_wrap=True, highlight=False, markup=False)
     series.conclude()
     return 0
 

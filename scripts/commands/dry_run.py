@@ -1,4 +1,4 @@
-"""`endolock run --dry-run`: what a run would use, and where each value comes from."""
+"""`endolock run --dry-run`: the resolved configuration, and the source of each value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def show(experiment: Experiment, json: str | None) -> int:
 
     Args:
         experiment: made from names.
-        json: where JSON goes; see `output.write_json`.
+        json: file for the JSON; see `output.write_json`.
 
     Raises:
         ConfigError: the experiment cannot be run.
@@ -29,7 +29,7 @@ def show(experiment: Experiment, json: str | None) -> int:
         rows = {key: {"value": value, "source": source} for key, (value, source) in table.items()}
         output.write_json(rows, json)
     if json != "-":
-        layout = Table(title="nothing was run", title_justify="left")
+        layout = Table(title="dry run: resolved configuration", title_justify="left")
         for heading in ("key", "value", "source"):
             layout.add_column(heading)
         for key, (value, source) in table.items():
@@ -47,9 +47,9 @@ def resolved(experiment: Experiment) -> dict[str, tuple[Any, str]]:
     for name in ("controller", "rig", "vision", "instrument", "seed"):
         value = getattr(experiment, name)
         found[f"run.{name}"] = (value, "default" if value == defaults[name] else "option")
-    usual = asdict(Instrument())
+    default = asdict(Instrument())
     for key, value in asdict(task.instrument).items():
-        found[f"instrument.{key}"] = (value, "default" if value == usual[key] else "instrument")
+        found[f"instrument.{key}"] = (value, "default" if value == default[key] else "instrument")
     for key, value in asdict(Numerics()).items():
         found[f"numerics.{key}"] = (value, "default")
     law = task.settings if isinstance(task.settings, dict) else asdict(task.settings)

@@ -23,31 +23,31 @@ INSTRUMENT = f"Which endoscope: {', '.join(instrument_files.names())}, or a TOML
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Run one control law on one scenario and write a run folder."""
+    """Run one controller on one scenario and write a run folder."""
 
     scenario: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=SCENARIO)]
     controller: Annotated[str, tyro.conf.arg(help=registry.help_text())] = "pi"
     rig: Annotated[str, tyro.conf.arg(help=rigs.rig_help())] = "twin"
     bench: tyro.conf.DisallowNone[Path | None] = None
-    """With serial: TOML file of the bench; else bench.toml in this folder, if there is one."""
+    """With serial: TOML file of the bench; else bench.toml in the current folder, if it exists."""
     vision: Annotated[str, tyro.conf.arg(help=rigs.vision_help())] = "markers"
     select: tyro.conf.DisallowNone[str | None] = None
-    """With track: rectangle of the first picture to follow, as X,Y,WIDTH,HEIGHT [px]; else 41x41 px
+    """With track: region to follow in the first picture, as X,Y,WIDTH,HEIGHT [px]; else 41x41 px
     around the board's target."""
     instrument: Annotated[str, tyro.conf.arg(help=INSTRUMENT)] = "pretensioned"
     latency_s: tyro.conf.DisallowNone[float | None] = None
     """Exposure to delivery of a frame [s]; else the scenario's."""
     duration_s: tyro.conf.DisallowNone[float | None] = None
-    """How long to run [s]; else the scenario's."""
+    """Duration of the run [s]; else the scenario's."""
     scored_from_s: tyro.conf.DisallowNone[float | None] = None
-    """Leave what comes before out of the score [s]; else the scenario's."""
+    """Time from which the run is scored [s]; else the scenario's."""
     vary: tuple[str, ...] = ()
     """Changes, all of them applied: KEY=VALUE with a key of the scenario file, instrument.NAME or
     law.NAME; or disturbances by name (models/disturbances), or TOML files of that form."""
     force: bool = False
-    """Run a law also where its gains make the loop unstable."""
+    """Run a controller even if its gains make the loop unstable."""
     seed: int = 0
-    """Of every random number; the same seed gives the same tables."""
+    """Seed of all random numbers; the same seed gives the same tables."""
     out: tyro.conf.DisallowNone[Path | None] = None
     """Run folder, new or empty; else one below runs/ named by time."""
     view: bool = False
@@ -55,7 +55,7 @@ class Request:
     dry_run: bool = False
     """Print the resolved configuration with the source of each value, and stop."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the run record there as JSON; - prints it, and nothing else, on standard output."""
+    """Write the run record to this file as JSON; - prints only the JSON, on standard output."""
 
 
 def main(request: Request) -> int:
@@ -108,6 +108,6 @@ def selection(text: str | None) -> Selection | None:
     except ValueError:
         raise ConfigError(
             f"--select '{text}' is not X,Y,WIDTH,HEIGHT in whole pixels",
-            "use such as 300,220,41,41",
+            "use for example 300,220,41,41",
         ) from None
     return left, top, width, height

@@ -1,4 +1,4 @@
-"""Many runs at once, in two processes: their records, and the course of error and handles."""
+"""Runs many experiments in parallel processes; returns records, errors and handle angles."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from endolock.scripts.runs.run_record import RunRecord
 
 WORKERS = 2
 FOLLOWED = (0.5, 1.5)
-"""A tip follows if its motion is within these shares of what the path needs [1]: below them it is
-parked, above them it rings. Assumed."""
-LEAST_NEED_DEG = 1.0
-"""An axis that needs less is not asked to follow [deg]."""
-Made = TypeVar("Made")
+"""Smallest and largest ratio of the tip's motion to the motion that the path needs [1] at which the
+tip counts as following: below it is parked, above it rings. Assumed."""
+MIN_NEEDED_DEG = 1.0
+"""An axis on which the path needs less motion is not checked for following [deg]."""
+Result = TypeVar("Result")
 
 
-class Done(NamedTuple):
-    """One run."""
+class FinishedRun(NamedTuple):
+    """Record and signals of one run."""
 
     record: RunRecord
     t: Vector
@@ -39,7 +39,7 @@ class Done(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """Of the true error where it is scored [px]."""
+        """RMS of the true error over the scored part [px]."""
         return _known(_known(self.record.error_px).rms)
 
     @property
@@ -49,104 +49,104 @@ class Done(NamedTuple):
 
     @property
     def tip_deg(self) -> float:
-        """Motion of the tip from peak to peak where it is scored, of the axis that moved more."""
+        """Peak-to-peak tip motion over the scored part, on the axis that moved more [deg]."""
         return max(_known(_known(self.record.tip).p2p_deg))
 
     @property
     def needed_deg(self) -> float:
-        """The same of a tip that always points at the target."""
+        """Peak-to-peak motion of a tip always pointing at the target, on the larger axis [deg]."""
         return max(_known(self.record.needed_tip_deg))
 
     @property
     def follows(self) -> bool:
-        """Whether the tip moves on each axis about as far as the path needs, never losing it."""
+        """Whether the tip moves about as far as the path needs on each axis, locked throughout."""
         low, high = FOLLOWED
         moved = _known(_known(self.record.tip).p2p_deg)
         needed = _known(self.record.needed_tip_deg)
         return self.lost < 0.01 and all(
             low * need <= moves <= high * need
             for moves, need in zip(moved, needed, strict=True)
-            if need >= LEAST_NEED_DEG
+            if need >= MIN_NEEDED_DEG
         )
 
     @property
     def constant_px(self) -> float:
-        """Error that the best constant handle would leave, known in hindsight, rms [px]."""
+        """RMS error of the best constant handle angle, known in hindsight [px]."""
         return _known(_known(self.record.constant_px).rms)
 
     @property
     def handle_deg(self) -> float:
-        """Motion of the handle from peak to peak, as of the tip."""
+        """Peak-to-peak handle motion over the scored part, on the axis that moved more [deg]."""
         return max(_known(self.record.handle.p2p_deg))
 
     @property
     def distance(self) -> Vector:
-        """Of the target from the centre [px]."""
+        """Distance of the target from the picture centre [px]."""
         distance: Vector = np.hypot(*self.error.T)
         return distance
 
 
-def perform(experiments: Sequence[Experiment]) -> list[Done | None]:
-    """Carry out runs.
+def perform(experiments: Sequence[Experiment]) -> list[FinishedRun | None]:
+    """Run experiments.
 
     Args:
         experiments: what to run; their folders are not kept.
 
     Returns:
-        The runs, None where a law cannot be used on a task.
+        The runs, None where a controller cannot be used on a task.
     """
-    return each(experiments, _course)
+    return each(experiments, _signals)
 
 
 def each(
-    experiments: Sequence[Experiment], read: Callable[[RunRecord, Path], Made]
-) -> list[Made | None]:
-    """Carry out runs, and keep of each what a function reads from its record and run folder.
+    experiments: Sequence[Experiment], read: Callable[[RunRecord, Path], Result]
+) -> list[Result | None]:
+    """Run experiments, and keep what a function extracts from each record and run folder.
 
     Args:
         experiments: what to run; their folders are not kept.
         read: called in another process, so it must be importable.
 
     Returns:
-        What was read, None where a law cannot be used on a task.
+        The return values of `read`, None where a controller cannot be used on a task.
     """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return pool.map(partial(_one, read=read), experiments, chunksize=1)
+        return pool.map(partial(_run, read=read), experiments, chunksize=1)
 
 
-def all_of(experiments: Sequence[Experiment]) -> list[Done]:
-    """Carry out runs, all of which must be possible."""
-    return each_of(experiments, _course)
+def all_of(experiments: Sequence[Experiment]) -> list[FinishedRun]:
+    """Run experiments, all of which must be possible."""
+    return each_of(experiments, _signals)
 
 
 def each_of(
-    experiments: Sequence[Experiment], read: Callable[[RunRecord, Path], Made]
-) -> list[Made]:
-    """As `each`, for runs all of which must be possible."""
-    made = [one for one in each(experiments, read) if one is not None]
-    assert len(made) == len(experiments)
-    return made
+    experiments: Sequence[Experiment], read: Callable[[RunRecord, Path], Result]
+) -> list[Result]:
+    """Run experiments as `each` does, all of which must be possible."""
+    results = [result for result in each(experiments, read) if result is not None]
+    assert len(results) == len(experiments)
+    return results
 
 
-def _known(value: Made | None) -> Made:
+def _known(value: Result | None) -> Result:
     """Return a score that every simulated run has."""
     assert value is not None
     return value
 
 
-def _one(experiment: Experiment, read: Callable[[RunRecord, Path], Made]) -> Made | None:
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "run"
+def _run(experiment: Experiment, read: Callable[[RunRecord, Path], Result]) -> Result | None:
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(parent) / "run"
         try:
             record = replace(experiment, out=folder).run()
-        except ConfigError:  # such as repetitive, where nothing repeats
+        except ConfigError:  # such as repetitive on a path that is not periodic
             return None
         return read(record, folder)
 
 
-def _course(record: RunRecord, folder: Path) -> Done:
+def _signals(record: RunRecord, folder: Path) -> FinishedRun:
     ticks = run_folder.read(folder, "ticks")
     centre = run_folder.configuration(folder)["calibration"]["centre_px"]
     columns = (ticks[name].to_pylist() for name in ("target_px", "position_rad"))
     target, handle = (np.array(column, float) for column in columns)
-    return Done(record, np.array(ticks["t"]), target - centre, handle)
+    return FinishedRun(record, np.array(ticks["t"]), target - centre, handle)

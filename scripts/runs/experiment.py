@@ -1,4 +1,4 @@
-"""Runs a rig, its eyes and a controller into a run folder: what the commands are made of.
+"""Runs a rig, its eyes and a controller into a run folder.
 
 record = Experiment(scenario="circle", controller="predictive_bank", duration_s=100.0).run()
 print(record.error_px.rms, record.folder)
@@ -27,15 +27,15 @@ from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection
 
 RUNS = Path("runs")
-"""Where run folders go unless told otherwise."""
+"""Default parent of run folders."""
 
 
 class Interrupted(KeyboardInterrupt):
     """A Ctrl-C or a kill ended a run between two ticks; handles hold, its folder is complete.
 
     Args:
-        record: of the run, up to there.
-        message: how far it came; made from the record if empty.
+        record: record of the run up to the interruption.
+        message: when it was interrupted; made from the record if empty.
     """
 
     def __init__(self, record: RunRecord, message: str = "") -> None:
@@ -44,16 +44,16 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Resolved(NamedTuple):
-    """What an experiment comes to once all names are looked up."""
+    """An experiment with all names and files loaded."""
 
     scenario: Scenario
     instrument: Instrument
     settings: Any
-    """Of the controller; None of an object."""
+    """Settings of the controller; None for an object."""
     changes: dict[str, Any]
-    """What differs from the scenario's file, by dotted key."""
+    """Values that differ from the scenario's file, by dotted key."""
     bench: Bench | None
-    """What a serial rig is made of."""
+    """Configuration of a serial rig; None for other rigs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,32 +68,32 @@ class Experiment:
     scenario: str | Path | Scenario
     """Name, TOML file, or a loaded scenario."""
     controller: str | Controller | Callable[[Calibration], Controller] = "pi"
-    """Name, .py file, an object with `reset` and `update`, or what makes one from the
-    calibration."""
+    """Name, .py file, an object with `reset` and `update`, or a class or function that makes one
+    from the calibration."""
     rig: str | Rig = "twin"
-    """Name of a rig, see `rigs.RIGS`, or serial:PORT; or a rig, which is not closed, with the
-    scenario that it was made with."""
+    """Name of a rig, see `rigs.RIGS`, or serial:PORT; or a rig object made with the same scenario,
+    which is not closed."""
     bench: Path | None = None
-    """With serial: TOML file of the bench; bench.toml in this folder if None."""
+    """With serial: TOML file of the bench; bench.toml in the current folder if None."""
     vision: str | Eyes = "markers"
-    """markers, track or truth; or what turns a frame into an observation."""
+    """markers, track or truth; or an eyes object, which turns frames into observations."""
     select: Selection | None = None
-    """With track: left, top, width and height of what to follow in the first picture [px]; the
-    board's target if None."""
+    """With track: left, top, width and height of the region to follow in the first picture [px];
+    the board's target if None."""
     instrument: str | Path | Instrument = "pretensioned"
     """Name, TOML file, or an instrument."""
     latency_s: float | None = None
     """Exposure to delivery of a frame [s]; the scenario's if None."""
     duration_s: float | None = None
-    """How long to run [s]; the scenario's if None."""
+    """Duration of the run [s]; the scenario's if None."""
     scored_from_s: float | None = None
-    """Leave what comes before out of the scores [s]; the scenario's if None."""
+    """Time from which the run is scored [s]; the scenario's if None."""
     vary: tuple[str, ...] = ()
     """Changes as for `overrides.read`, all of them applied."""
     force: bool = False
-    """Run a controller also where its gains make the loop unstable."""
+    """Run a controller even if its gains make the loop unstable."""
     seed: int = 0
-    """Of every random number; the same seed gives the same tables."""
+    """Seed of all random numbers; the same seed gives the same tables."""
     out: Path | None = None
     """Run folder, new or empty; one below runs/ named by time if None."""
 
@@ -106,7 +106,7 @@ class Experiment:
         return kind.__name__
 
     def resolve(self) -> Resolved:
-        """Check everything and load what is named; nothing is made or written.
+        """Check everything and load all names and files; make no rig and write nothing.
 
         Raises:
             ConfigError: it cannot be run.
@@ -116,11 +116,14 @@ class Experiment:
         bench = None
         if isinstance(self.rig, str):
             if not isinstance(self.vision, str):
-                raise ConfigError("eyes were made for a rig", "give that rig too, or name the eyes")
+                raise ConfigError(
+                    "an eyes object needs the rig it was made for",
+                    "give that rig too, or name the eyes",
+                )
             rigs.check(self.rig, self.vision)
             bench = rigs.bench_of(self.rig, self.bench)
-        own = self.instrument != "pretensioned"
-        if bench and (own or any(entry.startswith("instrument.") for entry in self.vary)):
+        chosen = self.instrument != "pretensioned"
+        if bench and (chosen or any(entry.startswith("instrument.") for entry in self.vary)):
             raise ConfigError(
                 "the instrument on a bench cannot be set",
                 f"leave --instrument and instrument.NAME out with --rig {self.rig}",
@@ -150,18 +153,18 @@ class Experiment:
         """Run, score, and complete the run folder.
 
         Args:
-            label: stands before the progress bar.
-            show_progress: whether there is a progress bar.
+            label: text before the progress bar.
+            show_progress: whether to show a progress bar.
 
         Raises:
             ConfigError: it cannot be run; nothing was written.
-            HardwareError: the handles stopped; the folder holds everything up to there.
+            HardwareError: the handles stopped; the folder holds everything up to the fault.
             Interrupted: a Ctrl-C or a kill ended it early.
         """
         task = self.resolve()
         scenario = task.scenario
-        with closing() as asked, self._stage(task) as (rig, eyes):
-            if asked:
+        with closing() as signals, self._stage(task) as (rig, eyes):
+            if signals:
                 raise KeyboardInterrupt
             controller = self._make(rig, task.settings)
             name = f"{scenario.name}-{self.controller_name}"
@@ -173,14 +176,14 @@ class Experiment:
             try:
                 with progress(
                     f"{label} {name}".strip(), scenario.duration_s, show_progress
-                ) as tell:
+                ) as update:
                     result = loop.run(
                         rig,
                         eyes,
                         controller,
                         duration_s=scenario.duration_s,
                         recorder=folder,
-                        progress=tell,
+                        progress=update,
                     )
             finally:
                 folder.close()
@@ -192,15 +195,15 @@ class Experiment:
         if simulated and ran_s > scenario.scored_from_s:
             ran = scenario.model_copy(update={"duration_s": ran_s})
             needed, constant = hindsight(ran, task.instrument, self.seed)
-        told = self._described()
+        described = self._described()
         record = RunRecord(
             **{field.name: getattr(scores, field.name) for field in fields(scores)},
             scenario=scenario.name,
             controller=self.controller_name,
             variation=overrides.label(self.vary),
-            rig=told["rig"],
-            instrument=told["instrument"],
-            vision=told["vision"],
+            rig=described["rig"],
+            instrument=described["instrument"],
+            vision=described["vision"],
             seed=self.seed,
             duration_s=ran_s,
             scored_from_s=scenario.scored_from_s,
@@ -219,7 +222,7 @@ class Experiment:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """What it changes in its scenario, by dotted key."""
+        """Values of the scenario that its fields change, by dotted key."""
         options = {
             "camera.latency_s": self.latency_s,
             "duration_s": self.duration_s,
@@ -243,7 +246,7 @@ class Experiment:
 
     @contextmanager
     def _stage(self, task: Resolved) -> Iterator[tuple[Rig, Eyes]]:
-        """Make rig and eyes, and close what was made."""
+        """Make rig and eyes; close a rig made here."""
         if not isinstance(self.rig, str):
             eyes = self.vision
             if isinstance(eyes, str):
@@ -271,7 +274,7 @@ class Experiment:
         return registry.adopt(self.controller, calibration)
 
     def _described(self) -> dict[str, Any]:
-        """Return the fields as plain values for run.toml; objects go by their class."""
+        """Return the fields as plain values for run.toml; objects by the name of their class."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name, value in values.items():
             if name == "scenario" and isinstance(value, Scenario):

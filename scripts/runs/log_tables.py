@@ -16,7 +16,7 @@ JPEG_QUALITY = 75
 
 
 def _vector(n: int) -> pa.DataType:
-    """N numbers; a pose is a position and a quaternion."""
+    """Type of a list of N numbers; a pose is a position and a quaternion."""
     return pa.list_(pa.float64(), n)
 
 
@@ -35,11 +35,11 @@ TICKS = pa.schema(
         ("mode", pa.string()),
         ("device_tick", pa.int64()),
         ("status", pa.string()),
-        ("signals", pa.map_(pa.string(), pa.float64())),  # of the law's inside
-        # From a tracker; null without one.
+        ("signals", pa.map_(pa.string(), pa.float64())),  # internal values of the controller
+        # Of the pose tracker; null without one.
         ("tracked_t", pa.float64()),
         ("tracked_pose", _vector(7)),
-        # The truth now; null on hardware.
+        # The truth at the tick; null on hardware.
         ("target_px", _vector(2)),
         ("in_picture", pa.bool_()),
         ("distance_m", pa.float64()),
@@ -61,7 +61,7 @@ FRAMES = pa.schema(
         ("target_px", _vector(2)),
         ("covariance_px2", _vector(3)),
         ("distance_m", pa.float64()),
-        # Where markers see a target that is followed without them; else null.
+        # Target position from the markers where vision tracks without them; else null.
         ("reference_px", _vector(2)),
         ("corners_px", pa.list_(_vector(2))),
         # The truth at the exposure; null on hardware.
@@ -106,7 +106,7 @@ def tick_row(tick: Tick) -> dict[str, Any]:
 def frame_row(seen: Seen) -> dict[str, Any]:
     """Return the row of one frame, with its pictures as JPEG."""
     frame, observation, truth = seen.frame, seen.observation, seen.truth
-    judged = isfinite(observation.reference_px[0])
+    has_reference = isfinite(observation.reference_px[0])
     row: dict[str, Any] = {
         "seq": frame.seq,
         "t_capture": frame.t_capture,
@@ -118,7 +118,7 @@ def frame_row(seen: Seen) -> dict[str, Any]:
         "target_px": observation.target_px,
         "covariance_px2": observation.covariance,
         "distance_m": observation.distance_m,
-        "reference_px": observation.reference_px if judged else None,
+        "reference_px": observation.reference_px if has_reference else None,
         "corners_px": observation.corners_px,
         "tip_jpeg": jpeg(frame.image),
         "overview_jpeg": jpeg(seen.overview.image) if seen.overview else None,
@@ -150,7 +150,7 @@ def decode(data: bytes) -> Image:
     """Decode a JPEG to RGB."""
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ConfigError("a picture in the run folder is no JPEG", "the folder is damaged")
+        raise ConfigError("a picture in the run folder is not a JPEG", "the folder is damaged")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 

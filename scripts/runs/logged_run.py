@@ -17,16 +17,16 @@ from endolock.scripts.runs.run_record import RunRecord
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedRun:
-    """What a run folder holds; the columns of its tables are in scripts/runs/log_tables.py.
+    """Contents of a run folder; scripts/runs/log_tables.py lists the columns of its tables.
 
     Example:
         position = np.array(read_run("runs/mine").ticks["position_rad"].to_pylist())
     """
 
     folder: Path
-    """Where it is."""
+    """Path of the run folder."""
     configuration: dict[str, Any]
-    """run.toml: what was run, with all values, and with which versions."""
+    """run.toml: the experiment, all resolved values, and the versions of the packages."""
     ticks: pa.Table
     """One row per control period."""
     frames: pa.Table
@@ -36,7 +36,7 @@ class LoggedRun:
 
 
 def read_run(folder: str | Path) -> LoggedRun:
-    """Read a run folder; of a run that was killed, everything up to its last complete row.
+    """Read a run folder; of a killed run, everything up to the last complete group of rows.
 
     Raises:
         ConfigError: it is not a run folder, or was written by a version with other columns.

@@ -1,10 +1,10 @@
-"""What differs from a scenario, an instrument and a law: options like KEY=VALUE, and files.
+"""Changes of a scenario, an instrument and a controller: KEY=VALUE options, and files.
 
 A variation is written KEY=VALUE, with a key of the scenario file such as camera.jitter_s, or with
-instrument.NAME or law.NAME; or it is the name of a disturbance, or a TOML file of its form:
+instrument.NAME or law.NAME; or it is the name of a disturbance, or a TOML file of this form:
 
     summary = "one line for people"
-    [scenario]          # replaces values; lists such as [[scenario.motion]] are added to
+    [scenario]          # replaces values; lists such as [[scenario.motion]] are extended
     [instrument]        # replaces values
     [instrument_times]  # multiplies values
 """
@@ -27,11 +27,11 @@ from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
 
 FOLDER = "disturbances"
-"""Where those are that come with the package, below `models`."""
+"""Folder of the disturbances that come with the package, below `models`."""
 
 
 class Variation(BaseModel):
-    """Changes, by where they apply."""
+    """Changes, by what they apply to."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -43,14 +43,14 @@ class Variation(BaseModel):
 
 
 class Task(NamedTuple):
-    """Everything that a run needs besides names."""
+    """Scenario and instrument with all changes applied, and the changes."""
 
     scenario: Scenario
     instrument: Instrument
     law: dict[str, Any]
-    """What is changed of the law."""
+    """Changed parameters of the controller, by name."""
     changes: dict[str, Any]
-    """What is changed of the scenario, by dotted key."""
+    """Changed values of the scenario, by dotted key."""
 
 
 def names() -> list[str]:
@@ -62,7 +62,7 @@ def read(entry: str) -> Variation:
     """Read one KEY=VALUE, or one disturbance by name or file.
 
     Raises:
-        ConfigError: it is neither.
+        ConfigError: it is neither, or has an unknown section.
     """
     if "=" not in entry:
         values, name = files.read("disturbance", FOLDER, entry)
@@ -70,14 +70,14 @@ def read(entry: str) -> Variation:
             return Variation.model_validate(values)
         except ValidationError as error:
             known = list(Variation.model_fields)
-            what, next_step = files.first_problem(error, lambda place: [] if place else known)
+            what, next_step = files.first_problem(error, lambda path: [] if path else known)
             raise ConfigError(f"disturbance {name}: {what}", next_step) from None
     key, _, text = entry.partition("=")
     section, _, rest = key.partition(".")
     value = _value(text)
     if section in ("instrument", "law") and rest:
         if section == "instrument" and not isinstance(value, int | float):
-            raise ConfigError(f"{entry}: {text!r} is no number", "give one in SI units")
+            raise ConfigError(f"{entry}: {text!r} is not a number", "give one in SI units")
         return Variation.model_validate({section: {rest: value}})
     return Variation(scenario={key: value})
 
@@ -100,40 +100,41 @@ def apply(
 
     Args:
         source: the scenario: its name, its file, or an object.
-        instrument: the same of the instrument.
+        instrument: the instrument: its name, its file, or an object.
         entries: the variations, as for `read`.
-        options: further values of the scenario by dotted key; they win.
+        options: further values of the scenario by dotted key; they take precedence.
 
     Raises:
         ConfigError: one cannot be read or does not fit.
     """
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
-    made = instrument_files.load(instrument)
+    instrument = instrument_files.load(instrument)
     base = scenario.load(source)
     for entry in entries:
-        one = read(entry)
-        for key, value in _flat(one.scenario).items():
-            added = "=" not in entry and isinstance(value, list)
-            if added and value and isinstance(value[0], dict):
+        variation = read(entry)
+        for key, value in _flat(variation.scenario).items():
+            extends = "=" not in entry and isinstance(value, list)
+            if extends and value and isinstance(value[0], dict):
                 before = changes.get(key, [part.model_dump() for part in getattr(base, key, ())])
                 value = [*before, *value]
             changes[key] = value
-        made = _changed(made, one)
-        law |= one.law
+        instrument = _changed(instrument, variation)
+        law |= variation.law
     changes |= options or {}
-    return Task(scenario.load(source, changes), made, law, changes)
+    return Task(scenario.load(source, changes), instrument, law, changes)
 
 
-def _changed(made: Instrument, one: Variation) -> Instrument:
-    told = dataclasses.asdict(made)
-    for name in (*one.instrument, *one.instrument_times):
-        if name not in told:
-            near = [key for key in told if name in key] or get_close_matches(name, told, 1)
-            hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(told)}"
+def _changed(instrument: Instrument, variation: Variation) -> Instrument:
+    values = dataclasses.asdict(instrument)
+    for name in (*variation.instrument, *variation.instrument_times):
+        if name not in values:
+            near = [key for key in values if name in key] or get_close_matches(name, values, 1)
+            hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(values)}"
             raise ConfigError(f"an instrument has no {name}", f"{hint}")
-    told |= one.instrument
-    return Instrument(**{k: v * one.instrument_times.get(k, 1.0) for k, v in told.items()})
+    values |= variation.instrument
+    times = variation.instrument_times
+    return Instrument(**{name: v * times.get(name, 1.0) for name, v in values.items()})
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -145,7 +146,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """Read a TOML value; what is none is taken as text."""
+    """Read a TOML value; anything else is taken as text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

@@ -1,4 +1,4 @@
-"""A progress bar in simulated time, and a Ctrl-C or kill that ends a run between two ticks."""
+"""A progress bar in simulated time; Ctrl-C or a kill ends a run between two ticks."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 @contextmanager
 def closing() -> Iterator[list[int]]:
-    """Let no Ctrl-C or kill get between a run and the closing of its rig; list those that came."""
-    asked: list[int] = []
-    listening = threading.current_thread() is threading.main_thread()
-    asking = (signal.SIGINT, signal.SIGTERM) if listening else ()
-    before = {number: signal.signal(number, lambda n, _: asked.append(n)) for number in asking}
+    """Defer Ctrl-C and kill signals until the rig is closed; yield the list of those received."""
+    received: list[int] = []
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    numbers = (signal.SIGINT, signal.SIGTERM) if in_main_thread else ()
+    before = {number: signal.signal(number, lambda n, _: received.append(n)) for number in numbers}
     try:
-        yield asked
+        yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -27,15 +27,18 @@ def closing() -> Iterator[list[int]]:
 
 @contextmanager
 def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar on standard error; Ctrl-C, or a kill, ends the run at the next whole tick."""
-    asked: list[int] = []
+    """Show a progress bar on standard error; yield a function that takes the simulated time [s].
 
-    def ask(number: int, _frame: object) -> None:
-        asked.append(number)
+    After a Ctrl-C or a kill the function raises KeyboardInterrupt, so the run ends at a whole tick.
+    """
+    received: list[int] = []
 
-    listening = threading.current_thread() is threading.main_thread()
-    asking = (signal.SIGINT, signal.SIGTERM) if listening else ()
-    before = {number: signal.signal(number, ask) for number in asking}
+    def note(number: int, _frame: object) -> None:
+        received.append(number)
+
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    numbers = (signal.SIGINT, signal.SIGTERM) if in_main_thread else ()
+    before = {number: signal.signal(number, note) for number in numbers}
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -49,17 +52,17 @@ def progress(label: str, duration_s: float, show: bool) -> Iterator[Callable[[fl
 
             shown = now = 0.0
 
-            def tell(t: float) -> None:
+            def update(t: float) -> None:
                 nonlocal shown, now
                 now = t
                 if show and now - shown >= 0.2:
                     shown = now
                     bar.update(task, completed=now)
-                if asked:
+                if received:
                     raise KeyboardInterrupt
 
             try:
-                yield tell
+                yield update
             finally:
                 bar.update(task, completed=now)
     finally:

@@ -1,4 +1,4 @@
-"""Run records as a table for people, with what a handle that never moves would have scored."""
+"""Run records as a printed table, with the error of the best constant handle angle."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from rich.table import Table
 from endolock.control.scores import ErrorSummary, HandleScores, TipScores
 from endolock.scripts.runs.run_record import RunRecord
 
-CONSTANT = "constant: the best that a handle which never moves could do, known in hindsight"
+CONSTANT = "constant: the best constant handle angle, known in hindsight"
 LONG_NAME = 11
-"""A law with a longer name takes the place of two columns: a table has 80 characters."""
+"""A controller with a longer name takes the width of two columns: a table has 80 characters."""
 
 
 def table(records: Sequence[RunRecord]) -> Table:
-    """Lay run records out for people.
+    """Lay run records out as a table.
 
-    Errors are in pixels, *seen* is the rms of what vision saw, *tip* and *handle* are angles from
-    peak to peak of the axis that moved farther, *found* the share of frames in which the target
-    was, *lost* that of the ticks without a lock, *speed* simulated seconds a second. The last
-    row of each scenario is that of the best constant handle.
+    Errors are in pixels, *seen* is the rms of the error that vision
+    measured, *tip* and *handle* are
+    peak-to-peak angles on the axis that moved farther, *found* is the fraction of frames in which
+    the target was found, *lost* the fraction of ticks without a lock, *speed* simulated time over
+    wall-clock time. The last row of each scenario is that of the best constant handle angle.
     """
     latencies = {record.latency_s for record in records}
     title = escape("error [px], now and as seen; tip, handle p-p [deg]")
@@ -33,7 +34,7 @@ def table(records: Sequence[RunRecord]) -> Table:
         title += f"; latency {latencies.pop():.2f} s"
     result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     rows = [_cells(record) for record in with_constants(records)]
-    # All would not fit 80 characters.
+    # All columns would not fit into 80 characters.
     left_out = {"found", "speed"} if latencies else {"latency"}
     if any(record.variation for record in records):
         left_out |= {"p95", "seen", "found", "speed"}
@@ -57,24 +58,24 @@ def table(records: Sequence[RunRecord]) -> Table:
 
 
 def legend(records: Sequence[RunRecord]) -> list[str]:
-    """Say what is not plain from a table."""
+    """Return the lines that explain the columns of a table."""
     constant = any(record.constant_px for record in records)
     return [*([CONSTANT] if constant else []), "tip, handle: of the axis that moved farther"]
 
 
 def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
-    """Add rows for the best constant handle below the laws of each scenario.
+    """Add rows for the best constant handle angle below the controllers of each scenario.
 
     Args:
         records: run records, one scenario after another.
     """
-    nothing = [0.0, 0.0]
+    at_rest = [0.0, 0.0]
     for _, block in groupby(records, key=lambda record: record.scenario):
-        listed: list[Any] = [None]  # on a bench, or where the tip is pushed
+        listed: list[Any] = [None]  # None: on a bench, or where the tip is pushed
         yield from (rows := list(block))
         for record in rows:
             constant = record.constant_px
-            if constant not in listed and not record.interrupted:  # of a shorter path
+            if constant not in listed and not record.interrupted:  # its path is shorter
                 listed.append(constant)
                 yield replace(
                     record,
@@ -86,8 +87,8 @@ def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
                     detected_fraction=None,
                     lost_fraction=None,
                     real_time_factor=None,
-                    handle=HandleScores(p2p_deg=nothing),
-                    tip=TipScores(p2p_deg=nothing),
+                    handle=HandleScores(p2p_deg=at_rest),
+                    tip=TipScores(p2p_deg=at_rest),
                 )
 
 
@@ -120,5 +121,5 @@ def _percent(share: float | None) -> str:
 
 
 def _number(value: float | None, unit: str = "") -> str:
-    """Write a number with one decimal, or whole where that would be a fourth digit."""
+    """Format a number with one decimal; without decimals from 100 on."""
     return "-" if value is None else f"{value:.{1 if abs(value) < 99.95 else 0}f}{unit}"

@@ -1,4 +1,4 @@
-"""Rigs and eyes by name: the one place where they are registered."""
+"""Registry of rigs and eyes: makes them from their names."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from endolock.vision.track_eyes import Selection, TrackEyes
 from endolock.vision.truth_eyes import TruthEyes
 
 SERIAL = "serial:"
-"""Prefix of the bench on a serial port."""
+"""Prefix of the name of a bench on a serial port."""
 AnyRig = TwinRig | HilRig | SurrogateRig | SerialRig
 
 
@@ -56,27 +56,27 @@ class RigParameters:
 
 
 class RigKind(NamedTuple):
-    """A simulated rig that can be named."""
+    """A simulated rig in the registry."""
 
     make: Callable[[RigParameters], TwinRig | HilRig | SurrogateRig]
     summary: str
-    """What it is, for help texts."""
+    """Description for help texts."""
     pictures: bool = True
-    """Whether it can take pictures."""
+    """Whether it renders pictures."""
 
 
-def _surrogate(given: RigParameters, transmission: Transmission | None = None) -> SurrogateRig:
+def _surrogate(parameters: RigParameters, transmission: Transmission | None = None) -> SurrogateRig:
     return SurrogateRig(
-        given.scenario,
+        parameters.scenario,
         transmission=transmission,
-        instrument=given.instrument,
-        seed=given.seed,
+        instrument=parameters.instrument,
+        seed=parameters.seed,
     )
 
 
-def _wires(given: RigParameters) -> SurrogateRig:
-    shaft_rad = radians(given.scenario.shaft_bend_deg)
-    return _surrogate(given, transmission_of(given.instrument, shaft_rad))
+def _wires(parameters: RigParameters) -> SurrogateRig:
+    shaft_rad = radians(parameters.scenario.shaft_bend_deg)
+    return _surrogate(parameters, transmission_of(parameters.instrument, shaft_rad))
 
 
 RIGS: dict[str, RigKind] = {
@@ -97,20 +97,20 @@ RIGS: dict[str, RigKind] = {
     ),
     "quasi_static": RigKind(_wires, "the instrument's wires without inertia", pictures=False),
 }
-"""The one list of simulated rigs; besides them there is serial:PORT."""
+"""All simulated rigs by name; a bench is serial:PORT."""
 VISIONS = {
     "markers": "find the board in the pictures",
     "track": "follow the target without markers",
     "truth": "exact projections, no pictures, faster",
 }
-"""The one list of eyes."""
+"""All kinds of eyes by name."""
 
 
 def rig_help() -> str:
     """List all rigs, for the help of a command."""
     without = "; ".join(f"{n} ({kind.summary})" for n, kind in RIGS.items() if not kind.pictures)
     return (
-        f"What to drive: {_with_pictures()}; serial:PORT (a bench); or, for --vision truth alone, "
+        f"What to drive: {_with_pictures()}; serial:PORT (a bench); or, with --vision truth only, "
         f"a model without physics and pictures: {without}."
     )
 
@@ -159,14 +159,15 @@ def make(
 
     Args:
         rig: one of `RIGS`, or serial:PORT.
-        scenario: what happens in front of it.
+        scenario: the task.
         vision: one of `VISIONS`; truth takes no pictures.
-        instrument: what the endoscope is made of.
-        numerics: how finely it is simulated, one of `NUMERICS`.
-        seed: of every random number.
+        instrument: parameters of the endoscope.
+        numerics: accuracy of the simulation, one of `NUMERICS`.
+        seed: seed of all random numbers.
         overview: whether a fixed camera takes pictures too.
         select: rectangle of the first picture to follow, with track only.
-        bench: what a serial rig is made of; its file in this folder, or the defaults, if None.
+        bench: configuration of a serial rig; bench.toml in the current folder, or the defaults,
+            if None.
 
     Raises:
         ConfigError: one of the names is unknown or does not fit the others, pictures cannot be
@@ -206,14 +207,14 @@ def eyes_of(
     """Make the eyes for a rig.
 
     Args:
-        rig: gives calibration, board and truth.
+        rig: gives calibration, board and, on a simulated rig, the truth.
         vision: one of `VISIONS`.
-        scenario: gives the noise of eyes that take the truth.
-        seed: of that noise.
+        scenario: gives the noise of `TruthEyes`.
+        seed: seed of that noise.
         select: rectangle of the first picture to follow, with track only.
 
     Raises:
-        ConfigError: the rig knows no truth, or the selection is not within the picture.
+        ConfigError: the rig has no truth, or the selection is not within the picture.
     """
     calibration = rig.camera.calibration
     if vision == "markers":
@@ -221,7 +222,7 @@ def eyes_of(
     if vision == "track":
         return TrackEyes(calibration, rig.board, select)
     if rig.truth is None:
-        raise ConfigError("the rig knows no truth", "use vision markers or track")
+        raise ConfigError("the rig has no truth", "use vision markers or track")
     noise = generator(seed, "vision.noise")
     return TruthEyes(rig.truth, scenario.camera.truth_noise_px, noise)
 
@@ -233,26 +234,28 @@ def check(rig: str, vision: str, numerics: str = "default") -> None:
         ConfigError: they do not.
     """
     serial = rig.startswith(SERIAL) and len(rig) > len(SERIAL)
-    for what, name, known in (
+    for kind, name, known in (
         ("rig", rig, (*RIGS, rig if serial else "serial:PORT")),
         ("vision", vision, tuple(VISIONS)),
         ("numerics", numerics, tuple(NUMERICS)),
     ):
         if name not in known:
             choice = " or ".join(filter(None, (", ".join(known[:-1]), known[-1])))
-            raise ConfigError(f"{what} '{name}' is unknown", f"use {choice}")
+            raise ConfigError(f"{kind} '{name}' is unknown", f"use {choice}")
     if rig in RIGS and not RIGS[rig].pictures and vision != "truth":
-        raise ConfigError(f"rig {rig} takes no pictures for {vision}", "use --vision truth")
+        raise ConfigError(
+            f"rig {rig} takes no pictures, which --vision {vision} needs", "use --vision truth"
+        )
     if serial and vision == "truth":
-        raise ConfigError(f"rig {rig} knows no truth", "use --vision markers or track")
+        raise ConfigError(f"rig {rig} has no truth", "use --vision markers or track")
 
 
 def bench_of(rig: str, file: Path | None) -> Bench | None:
-    """Read what a serial rig is made of; None for other rigs.
+    """Read the bench file of a serial rig; None for other rigs.
 
     Args:
-        rig: kind of rig.
-        file: see `hw.bench.load`.
+        rig: name of the rig.
+        file: see `bench_file.load`.
 
     Raises:
         ConfigError: it cannot be read, or is given for another rig.
@@ -261,8 +264,8 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
         bench = bench_file.load(file)
         if not all(handle.zero_counts is not None for handle in bench.handles.values()):
             raise ConfigError(
-                f"{file or bench_file.DEFAULT_FILE} tells no zero_counts of both handles, so their "
-                "ranges would start anew with every run",
+                f"{file or bench_file.DEFAULT_FILE} lacks zero_counts of one or both handles, so "
+                "their ranges would change at every run",
                 "straighten the endoscope, then run endolock doctor --port PORT --set-up",
             )
         return bench
@@ -272,5 +275,5 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
 
 
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
-    """Return the hysteresis model that comes nearest to a rig: on a surrogate, its very own."""
+    """Return the hysteresis model closest to a rig: for a surrogate, the model it simulates."""
     return ONE_PLAY if rig == "play" else plays_of(instrument, shaft_deg)

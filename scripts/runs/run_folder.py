@@ -1,14 +1,14 @@
-"""The run folder: two append-only tables, what was run, and what came out.
+"""The run folder: two append-only tables, the configuration, and the scores.
 
     run.toml        resolved configuration and versions
     ticks.arrows    one row per control period
     frames.arrows   one row per delivered frame, with its pictures as JPEG
     metrics.json    the run record; the last thing written
-    bus.log         every byte of the line to the handles, where there is one
+    bus.log         every byte on the serial line to the handles, if there is one
 
-The tables are Arrow IPC streams: rows are appended and never touched again, and `read` takes a
-stream that ends anywhere, so a killed run is readable up to its last complete group of rows: that
-of the last frame with a picture; without pictures, of the last ten rows. Everything else about a
+The tables are Arrow IPC streams: rows are appended and never changed, and `read` accepts a
+stream that ends anywhere, so a killed run is readable up to its last complete group of rows. A
+group ends at each frame with a picture; without pictures it has ten rows. Everything else about a
 run is derived from this folder.
 """
 
@@ -33,11 +33,11 @@ from endolock.hw.api import ConfigError
 from endolock.scripts.runs.log_tables import FRAMES, TICKS, frame_row, tick_row
 
 BUS_LOG = "bus.log"
-"""Every byte of the line to the handles, where there is one; see hw/dynamixel/bus_log.py."""
+"""Every byte on the serial line to the handles, if there is one; see hw/dynamixel/bus_log.py."""
 PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
-"""Whose versions go into run.toml."""
+"""Packages whose versions go into run.toml."""
 GROUP = 10
-"""Rows written together where no frame carries a picture: one by one they would cost more than the
+"""Rows written together in runs without pictures: single writes would take longer than the
 physics."""
 
 
@@ -46,7 +46,7 @@ class _Table:
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._path = path
-        self._file = pa.OSFile(str(path), "wb")  # every write goes to the system at once
+        self._file = pa.OSFile(str(path), "wb")  # unbuffered
         self._schema = schema
         self._writer = pa.ipc.new_stream(self._file, schema)
         self._rows: list[Mapping[str, Any]] = []
@@ -71,7 +71,7 @@ class _Table:
     def close(self) -> None:
         try:
             self.flush()
-            with contextlib.suppress(OSError):  # without its end mark a table reads as cut off
+            with contextlib.suppress(OSError):  # without its end mark a table is read as truncated
                 self._writer.close()
         finally:
             with contextlib.suppress(OSError):
@@ -79,11 +79,11 @@ class _Table:
 
 
 class RunFolder:
-    """Writes one run; nothing but the folder is made before the first row.
+    """Writes the run folder of one run.
 
     Args:
         path: a new or empty folder.
-        configuration: what goes into run.toml, with the versions in use; None values are left out.
+        configuration: goes into run.toml, with the versions in use; None values are left out.
 
     Raises:
         ConfigError: the folder cannot be used.
@@ -100,7 +100,7 @@ class RunFolder:
             self._ticks = _Table(path / "ticks.arrows", TICKS)
             self._frames = _Table(path / "frames.arrows", FRAMES)
         except UnicodeError:
-            raise ConfigError(f"folder {str(path)!r} is no readable name", "give another") from None
+            raise ConfigError(f"folder {str(path)!r} is not a valid name", "give another") from None
         except OSError as error:
             raise ConfigError(
                 f"cannot write to {path}: {error.strerror}", "give another folder with --out"
@@ -131,7 +131,7 @@ class RunFolder:
 
 
 def new_path(base: Path, name: str) -> Path:
-    """Return a folder below `base` that does not exist, named by time and `name`."""
+    """Return the path of a new folder below `base`, named by time and `name`."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     path, n = base / f"{stamp}-{name}", 1
     while path.exists():
@@ -141,7 +141,7 @@ def new_path(base: Path, name: str) -> Path:
 
 
 def read(path: Path, table: str) -> pa.Table:
-    """Read a table of a run folder, up to its last complete row where the run was cut off.
+    """Read a table of a run folder; of a killed run, up to its last complete group of rows.
 
     Args:
         path: the run folder.
@@ -151,16 +151,16 @@ def read(path: Path, table: str) -> pa.Table:
         ConfigError: there is no such table in the folder.
     """
     file = path / f"{table}.arrows"
-    wanted = {"ticks": TICKS, "frames": FRAMES}[table]
+    schema = {"ticks": TICKS, "frames": FRAMES}[table]
     batches: list[pa.RecordBatch] = []
     try:
         if file.stat().st_size == 0:  # killed before the first rows
-            return wanted.empty_table()
+            return schema.empty_table()
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
-            if not stream.schema.equals(wanted):
-                _refuse(file, stream.schema, wanted)
-            # Cut off within a group of rows, the stream ends in an error: it was never complete.
+            if not stream.schema.equals(schema):
+                _refuse(file, stream.schema, schema)
+            # A stream cut off within a group of rows ends in an error; that group is dropped.
             with contextlib.suppress(pa.ArrowInvalid, OSError):
                 batches.extend(iter(stream))
     except FileNotFoundError:
@@ -169,18 +169,18 @@ def read(path: Path, table: str) -> pa.Table:
         ) from None
     except (pa.ArrowInvalid, OSError) as error:
         raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
-    return pa.Table.from_batches(batches, wanted)
+    return pa.Table.from_batches(batches, schema)
 
 
-def _refuse(file: Path, found: pa.Schema, wanted: pa.Schema) -> None:
-    """Say whether a table with other columns is from another version, or something else."""
-    if wanted.names[0] not in found.names:
+def _refuse(file: Path, found: pa.Schema, schema: pa.Schema) -> None:
+    """Raise the error for a table with other columns: of another version, or not of a run."""
+    if schema.names[0] not in found.names:
         raise ConfigError(f"{file} is not a table of {file.stem}", "give a run folder")
-    version_there = written_by(file.parent)
-    missing = ", ".join(name for name in wanted.names if name not in found.names)
+    missing = ", ".join(name for name in schema.names if name not in found.names)
     what = f"has no column {missing}" if missing else "has other columns"
     raise ConfigError(
-        f"{file} was written by endolock {version_there} and {what}", "read it with that version"
+        f"{file} was written by endolock {written_by(file.parent)} and {what}",
+        "read it with that version",
     )
 
 
@@ -212,7 +212,7 @@ def _versions() -> dict[str, str]:
 
 
 def _without_none(value: Any) -> Any:
-    """TOML knows no null: leave such keys out."""
+    """Leave out keys with the value None: TOML has no null."""
     if isinstance(value, Mapping):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The run record: what was run and what came of it, as `--json` and metrics.json hold it."""
+"""The run record: what was run and its scores, as `--json` and metrics.json hold them."""
 
 from __future__ import annotations
 
@@ -11,33 +11,34 @@ from endolock.control.scores import ErrorSummary, Scores
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord(Scores):
-    """Scores of a run, and what was run."""
+    """What was run, and its scores."""
 
     scenario: str
-    """Its name."""
+    """Name of the scenario."""
     controller: str
-    """Its name; of a file its name without .py, of an object its class."""
+    """Name of the controller; for a file its name without .py, for an object its class."""
     variation: str
-    """Changes by `--vary`, joined by +; empty where there are none."""
+    """Changes by `--vary`, joined by +; empty without changes."""
     rig: str
-    """What was driven, such as twin or serial:PORT."""
+    """Name of the rig, such as twin or serial:PORT."""
     instrument: str
-    """Its name or file."""
+    """Name or file of the instrument."""
     vision: str
     """markers, track or truth."""
     seed: int
+    """Seed of all random numbers."""
     duration_s: float
     """From the first tick to the last [s]."""
     scored_from_s: float
-    """What came before is left out of the scores [s]."""
+    """Time from which the run is scored [s]."""
     wall_s: float
-    """Wall-clock time that the run took [s]."""
+    """Wall-clock duration of the run [s]."""
     real_time_factor: float | None
-    """Simulated time over wall-clock time [1]; None where nothing was run."""
+    """Simulated time over wall-clock time [1]; None in the rows of a constant handle angle."""
     latency_s: float | None
     """Exposure to delivery of a frame [s]."""
     interrupted: bool
-    """Whether a Ctrl-C or a kill ended it early."""
+    """Whether a Ctrl-C or a kill ended the run early."""
     needed_tip_deg: list[float] | None
     """Peak-to-peak bend (up_down, left_right) of a tip that always points at the target, in the
     scored part [deg]; None on a bench."""

@@ -10,21 +10,21 @@ from endolock.scripts.runs.run_record import RunRecord
 
 
 class Series(NamedTuple):
-    """Runs one after another."""
+    """Records of experiments run one after another."""
 
     records: list[RunRecord]
-    """Of all runs, also of one that was ended early."""
+    """One per run, including an interrupted one."""
     stopped: Interrupted | None
-    """What ended the series early."""
+    """The interruption that ended the series early; None if it is complete."""
 
     def conclude(self) -> None:
-        """Raise what ended the series early; called once its results have been reported."""
+        """Raise the interruption, if any; call it after reporting the results."""
         if self.stopped:
             raise self.stopped
 
 
 def run_all(experiments: Sequence[Experiment], *, show_progress: bool = True) -> Series:
-    """Carry out experiments one after another, up to a Ctrl-C.
+    """Run experiments one after another, until a Ctrl-C.
 
     Raises:
         ConfigError, HardwareError: as for `Experiment.run`.
@@ -39,6 +39,6 @@ def run_all(experiments: Sequence[Experiment], *, show_progress: bool = True) ->
             records.append(stop.record)
             if total == 1:
                 return Series(records, stop)
-            how_far = f"in run {n} of {total}, after {stop.record.duration_s:.1f} s"
-            return Series(records, Interrupted(stop.record, how_far))
+            when = f"in run {n} of {total}, after {stop.record.duration_s:.1f} s"
+            return Series(records, Interrupted(stop.record, when))
     return Series(records, None)

@@ -1,7 +1,8 @@
-"""What a scenario asks of the tip, and the best that a handle could do which never moves.
+"""Path of the target: the tip motion that it needs, and the error of the best constant bend.
 
-A law is only worth its handle motion where it beats the constant bend that would have been best in
-hindsight. A law that follows moves the tip about as far as the path needs.
+A controller has gained nothing by moving the handles unless its error is below that of the constant
+bend that would have been best in hindsight. A controller that follows moves the tip about as far as
+the path needs.
 """
 
 from __future__ import annotations
@@ -26,34 +27,35 @@ from endolock.twin.world.scenario import Scenario
 from endolock.vision import camera_model
 
 STEP_S = 0.1
-"""Sampling of the path [s]: a tenth of the quickest period here, a heartbeat of 1.2 Hz."""
+"""Sampling interval of the path [s]: about a tenth of the shortest period, a heartbeat at
+1.2 Hz."""
 COARSE_RAD = 0.1
-"""Grid on which the search for the best bend begins."""
+"""Spacing of the grid on which the search for the best bend starts [rad]."""
 
 
 class Hindsight(NamedTuple):
-    """What can be said of a path once it is known."""
+    """Bounds that follow from a path known in advance."""
 
     needed_tip_deg: Pair
-    """Bend, peak to peak, of a tip that always points at the target (up_down, left_right) [deg]."""
+    """Peak-to-peak bend of a tip that always points at the target (up_down, left_right) [deg]."""
     constant_px: ErrorSummary | None
-    """Error of the best constant bend [px]; None where the tip is
-    pushed, so that no handle keeps it still."""
+    """Error of the best constant bend [px]; None where the tip is pushed, so that a constant handle
+    angle does not keep it still."""
 
 
 def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsight:
-    """Look at the whole path of a target, where it is scored.
+    """Compute both bounds over the scored part of the path.
 
-    The section is one of constant curvature at rest on its base.
+    The section has constant curvature and its base is at rest.
 
     Args:
         scenario: how the board moves.
-        instrument: gives the lengths.
-        seed: of what is random in the scenario.
+        instrument: gives the lengths of the section.
+        seed: seed of the random motions of the scenario.
     """
     geometry = section_of(instrument)
-    path = places(scenario, seed)
-    bends = np.array([kinematics.aim(geometry, place) for place in path])
+    path = sample_path(scenario, seed)
+    bends = np.array([kinematics.aim(geometry, point) for point in path])
     up_down, left_right = np.degrees(np.ptp(bends, axis=0)).tolist()
     needed = up_down, left_right
     if scenario.push:
@@ -62,27 +64,27 @@ def hindsight(scenario: Scenario, instrument: Instrument, seed: int) -> Hindsigh
     return Hindsight(needed, metrics.summary(error))
 
 
-def places(scenario: Scenario, seed: int) -> Vector:
-    """Sample the target's path in the frame of the section's base, n x 3 [m]."""
+def sample_path(scenario: Scenario, seed: int) -> Vector:
+    """Sample the scored part of the target's path in the frame of the section's base, n x 3 [m]."""
     course = Course(scenario, seed)
     board = scenario.board
     target = boards.aimed(board.kind, board.target).target
     turn = to_matrix(board.quaternion)
     on_board = turn @ np.array([*target, 0.0])
-    found = []
+    points = []
     for t in np.arange(scenario.scored_from_s, scenario.duration_s + STEP_S / 2, STEP_S).tolist():
         right, down = course.board(t)
-        place = np.array([right, down, board.distance_m + course.depth(t)]) + on_board
+        point = np.array([right, down, board.distance_m + course.depth(t)]) + on_board
         roll = course.shaft_roll_rad(t)
         c, s = np.cos(roll), np.sin(roll)
-        found.append(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ place)
-    return np.array(found)
+        points.append(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ point)
+    return np.array(points)
 
 
 def _best_constant(
     geometry: SectionGeometry, camera: Calibration, path: Vector, bends: Vector
 ) -> Vector:
-    """Errors of the one bend that makes their rms least [px]; `bends` point at the path."""
+    """Return the errors of the bend with the smallest rms error [px]; `bends` point at the path."""
     from scipy.optimize import minimize  # half a second to load
 
     def errors(bend: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""What theory says of a run before it is made: margins of a linear law, floor of any law."""
+"""Theoretical bounds of a run: stability margins of a linear controller, error floor of any."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from endolock.twin.world.motion import Random
 from endolock.twin.world.scenario import Scenario
 
 PIXEL_NOISE = 0.1
-"""Noise of each coordinate of the target that the floor grants [px]: that of markers."""
+"""Standard deviation of each coordinate of the target assumed in the floor [px]: that of the
+markers."""
 
 
 def of(scenario: Scenario, settings: Any) -> dict[str, Any]:
-    """Return margins {gain, phase_deg, dead_s} and floor_px of a run; None where there is none.
+    """Return margins {gain, phase_deg, dead_s} and floor_px of a run; None where undefined.
 
     Args:
         scenario: gives distance and latency.
-        settings: of the controller.
+        settings: settings of the controller.
     """
-    own = not isinstance(settings, dict)  # nothing is known of a controller from a file
-    margins = _margins(settings, process_of(scenario)) if own else None
+    built_in = not isinstance(settings, dict)  # a controller from a file has no known linear part
+    margins = _margins(settings, process_of(scenario)) if built_in else None
     return {"margins": margins, "floor_px": floor_px(scenario)}
 
 
@@ -35,10 +36,10 @@ def process_of(scenario: Scenario) -> Process:
 
 
 def check_stable(name: str, settings: Any, scenario: Scenario) -> None:
-    """Check that the gains of a controller leave a margin.
+    """Check that the gains of a controller make the linear loop stable.
 
     Raises:
-        ConfigError: they leave none.
+        ConfigError: the gain margin is below 1.
     """
     from endolock.control import analysis  # python-control takes seconds to load
 
@@ -64,9 +65,9 @@ def _margins(settings: Any, process: Process) -> dict[str, float] | None:
 
 
 def floor_px(scenario: Scenario) -> float | None:
-    """Least rms error for a board that moves at random and nothing else [px].
+    """Return the smallest rms error possible where the only motion is random [px], else None.
 
-    The horizon is the latency and what a command takes to move the tip.
+    The prediction horizon is the video latency, plus the lag and the hold time of the handles.
     """
     random = [motion for motion in scenario.motion if isinstance(motion, Random)]
     if len(random) != 1 or len(scenario.motion) > 1:

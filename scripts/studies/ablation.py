@@ -10,7 +10,7 @@ import sys
 
 from endolock.scripts import cli
 from endolock.scripts.runs import batch
-from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.batch import FinishedRun
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 
@@ -58,7 +58,7 @@ def table() -> str:
     return markdown_table(["without, rms px", *CASES], rows)
 
 
-def _cell(one: Done) -> str:
+def _cell(one: FinishedRun) -> str:
     lost = one.lost
     return f"{one.rms:.1f}" + (" (lost)" if lost > 0.01 else "")
 

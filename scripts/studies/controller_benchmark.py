@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import ceil
 
 from endolock.scripts.runs import batch, overrides, theory
-from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.batch import FinishedRun
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world import scenario
@@ -110,7 +110,7 @@ def _tables(
     laws: Sequence[str],
     cases: Sequence[list[str]],
     experiments: Sequence[Experiment],
-    done: Sequence[Done | None],
+    done: Sequence[FinishedRun | None],
     last: tuple[str, list[str]] | None = None,
 ) -> str:
     """Format one part: the errors, and below them the motion of tip and handle.
@@ -151,7 +151,7 @@ figure:
 """
 
 
-def _error(experiment: Experiment, done: Done | None) -> str:
+def _error(experiment: Experiment, done: FinishedRun | None) -> str:
     if done is None:
         return "-"
     lost, marks = done.lost, []
@@ -168,7 +168,7 @@ def _margins(experiment: Experiment) -> dict[str, float] | None:
     return margins
 
 
-def _price(done: Done | None) -> str:
+def _price(done: FinishedRun | None) -> str:
     return "-" if done is None else f"{done.tip_deg:.0f} / {done.handle_deg:.0f}"
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from endolock.scripts import cli
 from endolock.scripts.runs import batch
-from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.batch import FinishedRun
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 
@@ -63,7 +63,7 @@ def plant(seed: int) -> tuple[str, ...]:
     return (*changes, "camera.nominal_latency_s=0.4")
 
 
-def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[Done]]:
+def perform(law: str, seeds: Sequence[int] = SEEDS) -> dict[str, list[FinishedRun]]:
     """Run a controller on every plant, 100 s, scored from 50 s; return the runs by scenario."""
     experiments = [
         Experiment(

@@ -8,7 +8,7 @@ import numpy as np
 
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
-from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.batch import FinishedRun
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.answers import NO_FRICTION, Answer, experiment
 
@@ -117,7 +117,7 @@ def latency() -> Answer:
     return Answer(markdown_table(["law", "plant", *(f"{s:g} s" for s in latencies)], rows), draw)
 
 
-def _rms_and_tip(one: Done) -> str:
+def _rms_and_tip(one: FinishedRun) -> str:
     return f"{one.rms:.0f} px, {one.tip_deg:.0f} deg"
 
 

@@ -11,7 +11,7 @@ from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
 from endolock.scripts.figures.palette import SERIES
 from endolock.scripts.runs import batch
-from endolock.scripts.runs.batch import Done
+from endolock.scripts.runs.batch import FinishedRun
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.scripts.studies.answers import NO_FRICTION, Answer, experiment
@@ -152,7 +152,7 @@ def tuned(law: str, distance_m: float) -> tuple[str, ...]:
     return (f"law.target_distance_m={distance_m:g}",)
 
 
-def _tips(runs: Sequence[Done]) -> str:
+def _tips(runs: Sequence[FinishedRun]) -> str:
     """Peak-to-peak motion of the tip, needed and in runs on the same path."""
     angles = (runs[0].needed_deg, *(one.tip_deg for one in runs))
     return ", ".join(f"{angle:.1f}" for angle in angles) + " deg"

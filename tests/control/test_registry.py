@@ -187,7 +187,9 @@ def test_a_lost_target_stops_the_handles(name: str) -> None:
 
 
 def test_the_oracle_is_refused_on_a_bench() -> None:
-    with pytest.raises(ConfigError, match="the oracle needs the truth, which only a twin has"):
+    with pytest.raises(
+        ConfigError, match="the oracle needs the truth, which only a simulated rig has"
+    ):
         registry.make("oracle", CAMERA)
 
 
@@ -195,7 +197,7 @@ def test_the_oracle_is_refused_on_a_bench() -> None:
     ("name", "changes", "why"),
     [
         ("pi", {"kd": 1.0}, "pi has no law.kd; it has ki, kp"),
-        ("still", {"kp": 1.0}, "still has no law.kp; nothing of it can be set"),
+        ("still", {"kp": 1.0}, "still has no law.kp; it has no settings"),
         ("pi", {"kp": -1.0}, "kp is -1; use a finite number, 0 or more"),
         ("pi", {"kp": "much"}, "pi: law.kp: .* got 'much'"),
         ("pi_hc", {"form": "round"}, "pi_hc: law.form"),

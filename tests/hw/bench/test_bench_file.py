@@ -59,7 +59,7 @@ def test_unusable_values_are_one_line(text: str, said: str, tmp_path: Path) -> N
 
 def test_a_run_needs_calibrated_zeros(tmp_path: Path) -> None:
     path = write(tmp_path, "[handle.up_down]\nid = 1\nzero_counts = 2048\n")
-    with pytest.raises(ConfigError, match="tells no zero_counts of both handles") as caught:
+    with pytest.raises(ConfigError, match="lacks zero_counts of one or both handles") as caught:
         rigs.bench_of("serial:PORT", path)
     assert "endolock doctor --port PORT --set-up" in str(caught.value)
     with pytest.raises(ConfigError, match=r"^--bench goes with --rig serial:PORT, not with twin$"):

@@ -36,7 +36,10 @@ def test_every_law_meets_every_scenario_seed_and_latency(
         (["--scenarios", "rest", "roast"], "scenario 'roast' is unknown; use breathing"),
         (["--latencies", "0.1", "-0.1"], "camera.latency_s: should be greater than or equal to 0"),
         (["--seeds", "0"], "seeds 0; use 1 or more"),
-        (["--controllers", "pi", "pi"], "two runs are the same; name every scenario, law and"),
+        (
+            ["--controllers", "pi", "pi"],
+            "two runs are the same; name every scenario, controller and",
+        ),
         (["--controllers"], "no controllers given; name at least one after --controllers"),
         (["--out", "."], ". is not an empty folder; give a new one with --out"),
     ],

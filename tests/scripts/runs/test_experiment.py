@@ -58,7 +58,9 @@ def test_a_rig_of_another_scenario_is_refused(tmp_path: Path) -> None:
 def test_eyes_without_their_rig_are_refused(tmp_path: Path) -> None:
     with TwinRig("straight", pictures=False) as rig:
         experiment = quick(tmp_path / "run", vision=TruthEyes(rig.truth))
-    with pytest.raises(ConfigError, match="eyes were made for a rig; give that rig too"):
+    with pytest.raises(
+        ConfigError, match="an eyes object needs the rig it was made for; give that rig too"
+    ):
         experiment.resolve()
 
 

@@ -59,7 +59,7 @@ def test_a_list_given_by_key_replaces() -> None:
         ("jmp", "disturbance 'jmp' is unknown; .* did you mean jump"),
         ("camera.jiter_s=1", "unknown key camera.jiter_s; did you mean camera.jitter_s"),
         ("instrument.pulley=1", "no pulley; did you mean instrument.pulley_radius_m"),
-        ("instrument.slack_m=tight", "'tight' is no number; give one in SI units"),
+        ("instrument.slack_m=tight", "'tight' is not a number; give one in SI units"),
         ("instrument.bending_stiffness=-1", "bending_stiffness"),
         ("duration_s=0", "duration_s: should be greater than 0"),
         ("=3", "unknown key"),
