@@ -65,12 +65,7 @@ class LatencyRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyMeasurement:
-    """Strokes of one handle in front of a scene at rest.
-
-    Example:
-        >>> LatencyMeasurement(strokes=4).axis
-        'left_right'
-    """
+    """Strokes of one handle in front of a scene at rest."""
 
     rig: str = "twin"
     """Name of a rig that takes pictures, see `rigs.RIGS`, or serial:PORT."""
