@@ -116,7 +116,7 @@ def rig_help() -> str:
 
 
 def tracked_rig_help() -> str:
-    """List the rigs with a pose tracker, for the help of a command."""
+    """List the rigs with a pose tracker, those with pictures too, for the help of a command."""
     return f"What to drive: {_with_pictures()}."
 
 
