@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.bare]
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("suite", ["bookworm", "trixie"])
-def test_a_bare_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> None:
+def test_a_fresh_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> None:
     if sys.platform == "win32" or os.geteuid() != 0 or shutil.which("apt-get") is None:
         pytest.fail(
             "a bare machine needs root on Debian or Ubuntu; run this there as root, or run the "
@@ -27,7 +27,7 @@ def test_a_bare_machine_runs_the_demo_and_the_tests(suite: str, case: str) -> No
 
 
 @pytest.mark.parametrize("version", ["3.11", "3.12", "3.13", "3.14"])
-def test_the_wheel_runs_by_itself(version: str) -> None:
+def test_the_installed_wheel_runs(version: str) -> None:
     models = _script("wheel", _python(version))
     assert "models/endoscope/scene.xml" in models
     assert "models/scenarios/rest.toml" in models

@@ -23,7 +23,7 @@ def test_there_is_one_row_for_each_room() -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0].strip("`"))
-def test_a_row_says_what_the_room_says(row: list[str]) -> None:
+def test_a_row_repeats_the_docstring_of_the_room(row: list[str]) -> None:
     room, held, imports = row
     file = ROOT / room.strip("`") / "__init__.py"
     if file.exists():
@@ -32,7 +32,7 @@ def test_a_row_says_what_the_room_says(row: list[str]) -> None:
     assert imports == (", ".join(allowed) or "nothing of ours")
 
 
-def test_every_path_leads_somewhere() -> None:
+def test_every_path_on_the_page_exists() -> None:
     assert PATHS
     for path in PATHS:
         if not path.startswith("./"):
@@ -52,9 +52,9 @@ def test_every_name_is_in_the_tree() -> None:
 
 def test_every_command_is_one_of_run() -> None:
     script = (ROOT / "run").read_text()
-    told = set(re.findall(r"\./run (\w+)", PAGE))
-    assert told >= {"check", "test", "slow", "docs"}
-    for word in told:
+    commands = set(re.findall(r"\./run (\w+)", PAGE))
+    assert commands >= {"check", "test", "slow", "docs"}
+    for word in commands:
         assert re.search(rf"^#   \./run {word}\b", script, re.MULTILINE), word
 
 

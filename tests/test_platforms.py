@@ -53,14 +53,14 @@ def test_every_module_can_be_imported_without_terminals() -> None:
 
 
 @pytest.mark.parametrize("name", LINUX_ONLY)
-def test_what_is_for_linux_alone_needs_terminals(name: str) -> None:
+def test_linux_only_modules_need_terminals(name: str) -> None:
     """Where that is no longer so, the list above is too long."""
     with pytest.raises(subprocess.CalledProcessError):
         _run(IMPORT_ALL, name)
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
-def test_elsewhere_what_needs_linux_is_one_clear_error(platform: str) -> None:
+def test_on_other_systems_linux_features_raise_one_clear_error(platform: str) -> None:
     assert _run(REFUSED, platform) == [
         "the emulated serial line needs Linux; run it there, or use --rig twin",
         "serial ports need pyserial on this system; install it with pip install 'endolock[serial]'",

@@ -37,14 +37,14 @@ def test_type_checkers_see_the_same_names() -> None:
     assert seen == homes
 
 
-def test_the_import_alone_loads_none_of_the_libraries() -> None:
+def test_import_endolock_loads_no_libraries() -> None:
     heavy = ("numpy", "mujoco", "cv2", "pyarrow", "rerun", "scipy", "control", "pydantic")
     code = f"import endolock, sys; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 
-def test_a_misspelt_name_lists_near_ones() -> None:
+def test_a_misspelt_name_lists_similar_ones() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'TwinRg'; did you mean TwinRig"):
         _ = endolock.TwinRg  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match=r"see endolock\.__all__"):

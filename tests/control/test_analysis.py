@@ -20,10 +20,10 @@ GRID = 2e-3  # frequencies are 0.17 % apart
 @pytest.mark.parametrize("k", [0.3, 0.8, 1.5])
 def test_margins_of_an_integrator_with_dead_time(k: float) -> None:
     ki = k / INSTANT.gain
-    told = analysis.margins(lambda s: ki / s, INSTANT)
-    assert told.gain == pytest.approx(pi / 2 / (k * INSTANT.dead_s), rel=GRID)
-    assert told.phase_deg == pytest.approx(90 - degrees(k * INSTANT.dead_s), abs=0.2)
-    assert told.dead_s == pytest.approx(pi / 2 / k - INSTANT.dead_s, abs=0.002)
+    predicted = analysis.margins(lambda s: ki / s, INSTANT)
+    assert predicted.gain == pytest.approx(pi / 2 / (k * INSTANT.dead_s), rel=GRID)
+    assert predicted.phase_deg == pytest.approx(90 - degrees(k * INSTANT.dead_s), abs=0.2)
+    assert predicted.dead_s == pytest.approx(pi / 2 / k - INSTANT.dead_s, abs=0.002)
 
 
 def test_a_loop_that_is_unstable_has_a_gain_margin_below_one() -> None:
@@ -77,7 +77,7 @@ def test_backlash_causes_no_limit_cycle_in_position_mode() -> None:
 def test_over_compensation_oscillates_as_predicted() -> None:
     process = Process(gain=1.394, lag_s=0.02, dead_s=0.43)
     excess = 0.05
-    told = min(
+    predicted = min(
         analysis.limit_cycles(
             ct.tf([0.3, 0.25], [1, 0]),
             process,
@@ -94,8 +94,8 @@ def test_over_compensation_oscillates_as_predicted() -> None:
     first = 2 * np.abs(np.mean(late[crossings[0] : crossings[-1]] * np.exp(-1j * omega * t)))
     # The loop hardly filters: the tip's course is nearly square, and kp hands that on to v, where
     # the theory has a sine. The frequency stands that, the size is right within a factor.
-    assert omega == pytest.approx(told.omega_rad_s, rel=0.25)
-    assert first == pytest.approx(told.amplitude_rad, rel=0.6)
+    assert omega == pytest.approx(predicted.omega_rad_s, rel=0.25)
+    assert first == pytest.approx(predicted.amplitude_rad, rel=0.6)
 
 
 def test_a_measured_describing_function_agrees_with_the_formula() -> None:
@@ -110,11 +110,11 @@ def test_a_measured_describing_function_agrees_with_the_formula() -> None:
     def chain(v: Vector) -> Vector:
         return play(v + 0.35 * np.sign(np.gradient(v)), 0.3)
 
-    told = analysis.ringing(lambda s: 0.3 + 0.25 / s, process, chain, period_s=0.002)
-    assert told is not None
+    predicted = analysis.ringing(lambda s: 0.3 + 0.25 / s, process, chain, period_s=0.002)
+    assert predicted is not None
     slowest = min(formula, key=lambda cycle: cycle.omega_rad_s)
-    assert told.omega_rad_s == pytest.approx(slowest.omega_rad_s, rel=0.02)  # sampling
-    assert told.amplitude_rad == pytest.approx(slowest.amplitude_rad, rel=0.05)
+    assert predicted.omega_rad_s == pytest.approx(slowest.omega_rad_s, rel=0.02)  # sampling
+    assert predicted.amplitude_rad == pytest.approx(slowest.amplitude_rad, rel=0.05)
 
 
 def test_the_lower_bound_of_prediction() -> None:

@@ -43,11 +43,11 @@ class LateClock:
 
 
 class Constant:
-    """A law that always gives the same command, and keeps what it was told."""
+    """A controller that always returns the same command, and keeps its inputs."""
 
     def __init__(self, *position: float) -> None:
         self.resets: list[State] = []
-        self.told: list[tuple[float, State, Observation | None]] = []
+        self.inputs: list[tuple[float, State, Observation | None]] = []
         self.given: list[Command] = []
         self._position = position
 
@@ -57,7 +57,7 @@ class Constant:
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Take note, and give the command."""
-        self.told.append((t, state, observation))
+        self.inputs.append((t, state, observation))
         self.given.append(Command(position=self._position))
         return self.given[-1]
 
@@ -150,7 +150,7 @@ def test_a_period_on_the_grid_is_accepted(period_s: float, timestep_s: float) ->
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, nan, -inf])
-def test_a_run_must_last(duration_s: float) -> None:
+def test_a_run_needs_a_positive_duration(duration_s: float) -> None:
     with TwinRig("rest", pictures=False) as rig:
         with pytest.raises(ConfigError, match=rf"^duration {duration_s:g} s; use more than 0$"):
             loop.run(rig, TruthEyes(rig.truth), Constant(0, 0), duration_s=duration_s)
@@ -169,7 +169,7 @@ def test_rows_hold_matching_commands_and_states() -> None:
     assert len(law.resets) == 1
     # A command is sent one tick after it was made.
     assert [tick.command for tick in ticks] == [None, *law.given[:-1]]
-    assert [(tick.t, tick.state) for tick in ticks] == [(t, state) for t, state, _ in law.told]
+    assert [(tick.t, tick.state) for tick in ticks] == [(t, state) for t, state, _ in law.inputs]
     assert [tick.t for tick in ticks] == pytest.approx([n * 0.02 for n in range(51)])
     assert all(tick.truth and tick.truth.t == tick.t == tick.state.t for tick in ticks)
 
@@ -182,7 +182,7 @@ def test_eyes_get_every_frame_once() -> None:
     # 25 Hz, 0.4 s late: after 2 s, the exposures from 0 to 1.6 s have come.
     assert eyes.shown == list(range(41))
     assert [seen.frame.seq for seen in result.seen] == eyes.shown
-    observations = [observation for _, _, observation in law.told if observation]
+    observations = [observation for _, _, observation in law.inputs if observation]
     assert observations == [seen.observation for seen in result.seen]
     for seen in result.seen:
         assert seen.truth

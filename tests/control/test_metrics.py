@@ -45,7 +45,7 @@ PLANT = Plant(
 
 
 def truth(right_px: float, down_px: float = 0.0, error_deg: float = 0.0) -> TruthSample:
-    """Place the target so far from the image centre."""
+    """Put the target at this distance from the image centre."""
     u, v = CAMERA.centre_px
     return TruthSample(
         t=0.0,
@@ -145,8 +145,8 @@ def test_percentiles_and_shares() -> None:
     result = score(errors(*range(100, -1, -1)))["error_px"]
     rms = sqrt(100 * 101 * 201 / 6 / 101)  # from the sum of squares up to 100
     shares = {"within_20": 21 / 101, "within_50": 51 / 101}  # 0 to 20 are 21
-    wanted = {"rms": rms, "p95": 95, "max": 100, "mean": 50, **shares}
-    assert result == pytest.approx(wanted, abs=ROUNDING)
+    expected = {"rms": rms, "p95": 95, "max": 100, "mean": 50, **shares}
+    assert result == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_a_target_behind_the_camera_counts_as_far_away() -> None:

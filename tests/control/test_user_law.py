@@ -50,7 +50,7 @@ def run(file: Path, *vary: str) -> Experiment:
         ("raise KeyError('gain')", "update failed: KeyError: 'gain' (line 8)"),
     ],
 )
-def test_a_law_that_goes_wrong_ends_the_run_with_one_line_and_a_closed_folder(
+def test_an_error_in_a_controller_ends_the_run_with_one_line_and_a_closed_folder(
     body: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.py"
@@ -81,7 +81,7 @@ def test_a_law_that_goes_wrong_ends_the_run_with_one_line_and_a_closed_folder(
         ("import nothing_of_that_name", "cannot be executed: ModuleNotFoundError"),
     ],
 )
-def test_a_file_that_makes_no_law_is_refused(text: str, why: str, tmp_path: Path) -> None:
+def test_a_file_without_a_controller_is_refused(text: str, why: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(text)
     request = Experiment(
@@ -93,7 +93,7 @@ def test_a_file_that_makes_no_law_is_refused(text: str, why: str, tmp_path: Path
     assert not (tmp_path / "run").exists()
 
 
-def test_a_good_law_from_a_file_runs(tmp_path: Path) -> None:
+def test_a_controller_from_a_file_runs(tmp_path: Path) -> None:
     file = tmp_path / "still.py"
     file.write_text(
         "from endolock.hw.api import Command\n\n\n"
@@ -191,7 +191,9 @@ class Steady:
 
 
 @pytest.mark.parametrize("controller", [Steady(), lambda calibration: Steady()])
-def test_an_object_or_what_makes_one_gets_a_run_folder(controller: object, tmp_path: Path) -> None:
+def test_an_object_a_class_or_a_function_gets_a_run_folder(
+    controller: object, tmp_path: Path
+) -> None:
     record = Experiment(
         scenario="rest",
         controller=controller,  # type: ignore[arg-type]  # any object with the two methods

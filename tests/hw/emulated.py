@@ -100,7 +100,7 @@ class Emulated:
         return tuple(m.measure()[0] - round(a / STEP_RAD) * STEP_RAD for m, a in rows)
 
     def follow(self, n: int, position: tuple[float, float] | None = None) -> list[State]:
-        """Exchange so many times, every 20 ms, always with the same command, or with none."""
+        """Exchange this number of times, every 20 ms, with the same command, or without one."""
         states = []
         for _ in range(n):
             self.wait(PERIOD_S)

@@ -1,4 +1,4 @@
-"""Emulated servos at the far end of a pty, in this process and in wall time."""
+"""Emulated servos behind a pty, in this process and in wall-clock time."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class HeardBus(EmulatedBus):
 
 
 class Served:
-    """Servos at the far end of a pty, answered by a thread."""
+    """Servos behind a pty, served by a thread."""
 
     def __init__(self, *servos: Servo, link: Path | None = None) -> None:
         self.bus, self.line = HeardBus(servos), PtyLine(link)

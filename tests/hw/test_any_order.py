@@ -79,7 +79,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def disable(self) -> None:
-        """Disable; a motor that cannot be told is told of."""
+        """Disable; a motor that cannot be reached is reported."""
         try:
             self.guard.disable()
         except LinkError:
@@ -87,7 +87,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def clear(self) -> None:
-        """Clear whatever there is; nothing is enabled by it."""
+        """Clear any fault; this enables nothing."""
         try:
             self.guard.clear_fault()
         except LinkError:
@@ -149,7 +149,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def goals_never_leap(self) -> None:
-        """No motor is told to go faster than is allowed, whatever happened."""
+        """No goal moves faster than allowed, in any sequence of events."""
         goals, now = self._goals(), self.bench.clock.now()
         step_s = min(now - self.moved_at, GuardSettings().max_slew_step_s)
         angles = self.bench.angles()
@@ -162,7 +162,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def a_state_is_never_made_up(self) -> None:
-        """What is told as fresh was true when it was measured."""
+        """A state marked fresh was true when it was measured."""
         state = self.state
         if state is not None and state.fresh and state.t == self.bench.clock.now():
             rows = zip(state.position, self.bench.angles(), strict=True)

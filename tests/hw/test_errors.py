@@ -25,7 +25,7 @@ HOT = DeviceFault(
 
 
 @pytest.mark.parametrize(
-    ("error", "for_programs", "told"),
+    ("error", "for_programs", "for_users"),
     [
         (ConfigError("seed -1", "use 0 or more"), "seed -1; use 0 or more", None),
         (ConfigError("seed -1"), "seed -1", None),
@@ -54,10 +54,10 @@ HOT = DeviceFault(
     ],
 )
 def test_programs_are_given_calls_and_people_are_not(
-    error: EndolockError, for_programs: str, told: str | None
+    error: EndolockError, for_programs: str, for_users: str | None
 ) -> None:
     assert str(error) == for_programs
-    assert for_people(error) == (told or for_programs)
+    assert for_people(error) == (for_users or for_programs)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
-"""Everything that may happen to a bench: it stops in time, says why, and goes on only when told.
+"""Faults of a bench: it stops in time, names the reason, and continues only after `clear_fault`.
 
-Virtual time, real bytes. What each entry of `CATALOGUE` does is done to a bench that is turning
-both handles; all are then asked the same questions.
+Virtual time, real bytes. Each entry of `CATALOGUE` injects a fault into a bench that is moving both
+handles; the same checks follow for all.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard, GuardSettings
 
 STOP_S = WATCHDOG_S + 0.04
-"""All handles must be still so long after a fault [s]."""
+"""Time after a fault by which both handles must be at rest [s]."""
 AIM = (1.2, 1.1)
 
 
@@ -257,7 +257,7 @@ def test_a_killed_host_leaves_handles_that_stand_still() -> None:
 
 
 @pytest.mark.parametrize("stop", [0.5, 30.0])
-def test_a_stopped_host_that_goes_on_moves_nothing(stop: float) -> None:
+def test_a_host_that_resumes_after_a_stop_moves_nothing(stop: float) -> None:
     """SIGSTOP and SIGCONT as the bus sees them; also over a turn of the device's clock of 33 s."""
     bench = Emulated()
     with bench.guard as guard:
@@ -272,7 +272,7 @@ def test_a_stopped_host_that_goes_on_moves_nothing(stop: float) -> None:
         assert bench.angles() == pytest.approx(held, abs=STEP_RAD)
 
 
-def test_a_tripped_watchdog_and_torque_at_connect_are_put_right() -> None:
+def test_a_tripped_watchdog_and_torque_are_reset_at_connect() -> None:
     bench = Emulated()
     bench.guard.connect()
     bench.guard.enable()
@@ -321,7 +321,7 @@ def test_an_old_firmware_is_refused() -> None:
         bench.guard.connect()
 
 
-def test_clearing_fails_as_long_as_the_cause_lasts() -> None:
+def test_clearing_fails_while_the_cause_lasts() -> None:
     bench = Emulated()
     with bench.guard as guard:
         guard.enable()

@@ -105,7 +105,7 @@ def test_an_expired_command_becomes_a_hold(guard: Guard) -> None:
     assert len({state.goal for state in over}) == 1
 
 
-def test_home_makes_here_the_zero(guard: Guard) -> None:
+def test_home_makes_the_current_position_the_zero(guard: Guard) -> None:
     guard.enable()
     away = follow(guard, (0.4, -0.3), 0.5)[-1].position
     with pytest.raises(StateError, match=r"^cannot home while enabled; call disable\(\) first$"):
@@ -130,7 +130,7 @@ def test_close_may_be_called_twice(guard: Guard) -> None:
         guard.exchange(None)
 
 
-def test_leaving_passes_an_exception_on(make: Make) -> None:
+def test_an_exception_in_the_context_propagates(make: Make) -> None:
     guard = make()
 
     def leave() -> None:
@@ -153,7 +153,9 @@ def test_a_command_within_limits_is_reached(guard: Guard) -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_over_limit_is_clipped_and_says_which_way(guard: Guard, sign: int) -> None:
+def test_a_goal_over_the_limit_is_clipped_and_its_direction_reported(
+    guard: Guard, sign: int
+) -> None:
     guard.enable()
     states = follow(guard, (sign * 99.0, -sign * 99.0), 3.0)
     (low_ud, high_ud), (low_lr, high_lr) = guard.limits.position_rad
@@ -208,7 +210,7 @@ def test_the_goal_is_never_faster_than_allowed(
         ((0.1, 0.1, 0.1), None, "^command has 3 positions; give 2: up_down, left_right$"),
     ],
 )
-def test_nonsense_is_refused_and_the_previous_goal_stays(
+def test_invalid_commands_are_refused_and_keep_the_previous_goal(
     guard: Guard, position: tuple[float, ...], axis: str | None, text: str
 ) -> None:
     guard.enable()
@@ -221,7 +223,7 @@ def test_nonsense_is_refused_and_the_previous_goal_stays(
     assert (after.goal, after.mode) == (before.goal, Mode.ENABLED)
 
 
-def test_numpy_numbers_will_do(guard: Guard) -> None:
+def test_numpy_numbers_are_accepted(guard: Guard) -> None:
     guard.enable()
     guard.clock.sleep_until(guard.clock.now() + PERIOD_S)
     state = guard.exchange(Command(position=list(np.array([9.0, -9.0]))))

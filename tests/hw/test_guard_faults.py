@@ -25,7 +25,7 @@ PERIOD_S = 0.02
 
 
 def exchange(guard: Guard, n: int, position: tuple[float, float] | None = None) -> list[State]:
-    """Exchange so many times, 20 ms apart."""
+    """Exchange this number of times, 20 ms apart."""
     states = []
     for _ in range(n):
         guard.clock.sleep_until(guard.clock.now() + PERIOD_S)
@@ -68,7 +68,7 @@ def test_a_following_error_needs_both_distance_and_time(make: Make) -> None:
             exchange(guard, 50, far)
 
 
-def test_one_lost_answer_only_says_so(bench: BenchDrive) -> None:
+def test_one_lost_answer_only_makes_the_state_stale(bench: BenchDrive) -> None:
     with Guard(bench) as guard:
         guard.clock.sleep_until(5.0)  # the age counts from enable(), not from power on
         guard.enable()
@@ -109,7 +109,7 @@ def test_silence_beyond_the_allowed_age_is_a_lost_link(bench: BenchDrive, max_ag
         assert exchange(guard, 3)[-1].fresh
 
 
-def test_answers_now_and_then_keep_the_link(bench: BenchDrive) -> None:
+def test_occasional_answers_keep_the_link(bench: BenchDrive) -> None:
     with Guard(bench) as guard:
         guard.enable()
         for n in range(100):
@@ -163,7 +163,7 @@ def test_a_fault_of_the_device_is_latched_too(bench: BenchDrive) -> None:
         bench.breaks = None
 
 
-def test_a_drive_that_breaks_on_closing_hides_nothing(bench: BenchDrive) -> None:
+def test_an_error_while_closing_a_drive_hides_no_other(bench: BenchDrive) -> None:
     def leave() -> None:
         with Guard(bench):
             bench.breaks = HardwareError("cable gone", t=0.0)
@@ -173,7 +173,7 @@ def test_a_drive_that_breaks_on_closing_hides_nothing(bench: BenchDrive) -> None
         leave()
 
 
-def test_a_drive_that_breaks_on_closing_is_reported(bench: BenchDrive) -> None:
+def test_an_error_while_closing_a_drive_is_reported(bench: BenchDrive) -> None:
     guard = Guard(bench)
     with pytest.raises(HardwareError, match=r"^cable gone$"), guard:
         bench.breaks = HardwareError("cable gone", t=0.0)

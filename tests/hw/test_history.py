@@ -97,7 +97,7 @@ def test_trimming_keeps_the_span(steps: list[float], span_s: float) -> None:
         assert history.at(back).position == pytest.approx(line(back), abs=1e-9)
 
 
-def test_trimming_forgets_what_is_much_older() -> None:
+def test_trimming_drops_old_packets() -> None:
     history, _ = remember([n * 0.1 for n in range(1000)], span_s=1.0)
     with pytest.raises(LookupError):
         history.at(90.0)  # 9.9 s before the end, more than twice the span

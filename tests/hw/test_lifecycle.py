@@ -44,7 +44,7 @@ def made(kind: type[Closing], stuck: Stuck) -> Any:
     return object.__new__(type(kind.__name__, (kind,), ways))
 
 
-def test_the_way_out_is_defined_once() -> None:
+def test_context_exit_is_defined_once() -> None:
     found = {
         (path.name, node.name)
         for folder in ("control", "hw", "scripts", "twin", "vision")
@@ -93,7 +93,7 @@ def test_all_are_closed_and_the_first_error_is_raised() -> None:
     assert caught.value.__notes__ == ["and not everything could be closed: number 3"]
 
 
-def test_a_rig_lets_go_of_the_rest_where_its_handles_cannot_be_closed() -> None:
+def test_a_rig_closes_everything_else_if_its_handles_fail_to_close() -> None:
     rig = TwinRig("rest", pictures=False)
     rig.actuators = stuck = Stuck()  # type: ignore[assignment]
     with pytest.raises(HardwareError, match="it is stuck"):

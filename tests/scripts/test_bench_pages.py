@@ -34,7 +34,7 @@ def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
         assert stated == _value(file, name), name
 
 
-def test_no_other_number_is_given() -> None:
+def test_every_number_on_the_page_is_a_constant() -> None:
     """Every time and rate on the page is one of the constants."""
     known = {f"{value} {unit}" for _, value, unit, _ in ROW.findall(SAFETY.read_text())}
     given = set(re.findall(r"[\d.]+ (?:s|rad/s|rad)\b", SAFETY.read_text()))
@@ -58,13 +58,13 @@ def test_commands_of_the_page_exist(command: str, words: str) -> None:
         assert option.replace("-", "_") in fields
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_of_the_pages_exist() -> None:
     for page in (BENCH, SAFETY):
         for link in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
             assert (page.parent / link).exists(), link
 
 
-def test_the_rule_is_that_of_the_doctor() -> None:
+def test_the_udev_rule_is_the_one_of_doctor() -> None:
     assert f"\n    {port_checks.UDEV_RULE}\n" in BENCH.read_text()
     assert f"`{port_checks.UDEV_FILE}`" in BENCH.read_text()
 
@@ -77,7 +77,7 @@ def test_a_new_motor_gets_its_id() -> None:
     assert motor.id == 2
 
 
-def test_the_law_that_holds_is_one() -> None:
+def test_the_controller_on_the_page_runs() -> None:
     (code,) = (block for block in _blocks() if "class Still" in block)
     names: dict[str, Any] = {}
     exec(compile(code, "still.py", "exec"), names)

@@ -195,7 +195,7 @@ def test_each_kind_of_error_has_its_exit_code(
     assert capsys.readouterr().err == f"endolock: {str(error) or 'interrupted'}\n"
 
 
-def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
+def test_a_closed_pipe_is_not_an_error(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "endolock.scripts.cli", *QUICK, "--json", "-"]
     with subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -208,7 +208,7 @@ def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
     assert "Traceback" not in said
 
 
-def test_odd_names_are_printed_as_they_are(
+def test_special_characters_in_names_are_printed_unchanged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "p[red]q[/x]"
@@ -226,7 +226,9 @@ def test_the_demo_shows_two_laws(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_it_holds_and_closes_the_folder(how: signal.Signals, tmp_path: Path) -> None:
+def test_an_interrupted_run_holds_and_closes_the_folder(
+    how: signal.Signals, tmp_path: Path
+) -> None:
     folder = tmp_path / "run"
     process = _start_long_run(folder)
     process.send_signal(how)
@@ -238,7 +240,7 @@ def test_interrupted_it_holds_and_closes_the_folder(how: signal.Signals, tmp_pat
     assert (folder / "run.rrd").exists()
 
 
-def test_killed_it_leaves_a_readable_folder(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_a_readable_run_folder(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     process = _start_long_run(folder)
     process.kill()

@@ -20,7 +20,7 @@ def egl_is_current() -> bool:
     return bool(EGL.eglGetCurrentContext())
 
 
-def test_in_ci_pictures_come_through_egl() -> None:
+def test_in_ci_pictures_are_rendered_with_egl() -> None:
     with Studio(scenario.load("rest")) as studio:
         image = studio.take(Place((0.0, 0.0, 0.12))).frame.image
         assert image is not None

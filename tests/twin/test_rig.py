@@ -147,7 +147,7 @@ def test_one_seed_gives_the_same_pictures() -> None:
     assert first == pictures()
 
 
-def test_frames_arrive_late_by_the_latency_and_know_it() -> None:
+def test_frames_arrive_late_by_the_latency_and_carry_both_times() -> None:
     rig = TwinRig(_fast(latency_s=0.1), pictures=False)
     rig.clock.sleep_until(0.098)
     assert rig.camera.latest() is None

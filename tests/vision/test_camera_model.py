@@ -25,7 +25,7 @@ def test_projection_is_the_camera_matrix(x: float, y: float, z: float) -> None:
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-2, 0))
-def test_nothing_is_seen_behind(x: float, y: float, z: float) -> None:
+def test_targets_behind_the_camera_are_not_seen(x: float, y: float, z: float) -> None:
     pixel = camera_model.project(CAMERA, np.array([x, y, z]))
     assert all(isnan(c) for c in pixel)
     assert not camera_model.in_picture(CAMERA, pixel)

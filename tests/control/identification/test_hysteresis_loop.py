@@ -42,7 +42,7 @@ def test_noise_hardly_changes_a_width() -> None:
     assert noisy == pytest.approx(0.4, abs=0.01)
 
 
-def test_a_bend_that_is_not_reached_has_no_width() -> None:
+def test_a_bend_outside_the_loop_has_no_width() -> None:
     assert width(*_loop(0.4), 1.5) is None
 
 

@@ -62,7 +62,7 @@ def test_correlated_noise_counts_more() -> None:
     assert sqrt(20) * 0.8 < stds[1] / stds[0] < sqrt(39) * 1.2
 
 
-def test_an_error_of_the_model_does_not_average_out() -> None:
+def test_a_model_error_does_not_average_out() -> None:
     once = _spread(LINE, model_error=1.0).parameter(1.0, {"offset": 1.0}).std
     assert once == pytest.approx(1.0, rel=0.01)  # all of it is an offset; the noise is 0.005
 

@@ -86,8 +86,8 @@ def test_a_constant_error_gives_the_closed_form(
     commands = play(law(PISettings(kp=kp, ki=ki), start), seen(right_px, down_px), 50)
     error = (-down_px / CAMERA.focal_px, right_px / CAMERA.focal_px)
     for n, command in enumerate(commands):
-        wanted = [i + kp * e + ki * e * n * PERIOD_S for i, e in zip(start, error, strict=True)]
-        assert command.position == pytest.approx(wanted, abs=ROUNDING)
+        expected = [i + kp * e + ki * e * n * PERIOD_S for i, e in zip(start, error, strict=True)]
+        assert command.position == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_the_integral_depends_on_time_and_not_on_the_number_of_ticks() -> None:
@@ -128,8 +128,8 @@ def test_a_clipped_axis_integrates_away_from_its_limit(clipped: int) -> None:
     pi = law(PISettings(kp=0.0, ki=1.0))
     inward = seen(-50 * clipped, 50 * clipped)
     back = play(pi, inward, 51, (clipped, clipped))[-1]
-    wanted = -clipped * 50 / CAMERA.focal_px  # ki e t, after 1 s
-    assert back.position == pytest.approx((wanted, wanted), abs=ROUNDING)
+    expected = -clipped * 50 / CAMERA.focal_px  # ki e t, after 1 s
+    assert back.position == pytest.approx((expected, expected), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("status", [Status.SEARCHING, Status.COASTING, Status.LOST])
@@ -147,10 +147,10 @@ def test_without_a_target_there_is_no_error(status: Status) -> None:
 def test_two_controllers_share_no_state() -> None:
     alone, one, other = law(), law(), law(start=(-0.5, 0.5))
     for n in range(20):
-        wanted = alone.update(n * PERIOD_S, state(), seen(30, -20))
+        expected = alone.update(n * PERIOD_S, state(), seen(30, -20))
         got = one.update(n * PERIOD_S, state(), seen(30, -20))
         other.update(n * PERIOD_S * 3, state(clipped=(1, -1)), seen(-200, 150))
-        assert got == wanted
+        assert got == expected
 
 
 @pytest.mark.parametrize("gain", ["kp", "ki"])

@@ -55,7 +55,7 @@ def test_a_play_loses_its_width_at_each_reversal() -> None:
     assert axis.follow(1.0 - 0.7) == pytest.approx(top - 0.9 * 0.1, abs=ROUNDING)
 
 
-def test_for_the_present_bend_the_handle_goes_to_the_middle_of_the_deadband() -> None:
+def test_for_the_current_bend_the_handle_goes_to_the_middle_of_the_deadband() -> None:
     axis = Hysteresis(Plays(radii=(0.3,), weights=(0.9,)))
     axis.follow(1.0)
     assert axis.handle_for(axis.bend_rad) == pytest.approx(0.7, abs=ROUNDING)

@@ -18,7 +18,7 @@ def write(place: Path, text: str) -> Path:
     return path
 
 
-def test_what_is_saved_is_read_again(tmp_path: Path) -> None:
+def test_a_bench_file_is_read_back(tmp_path: Path) -> None:
     path = write(
         tmp_path,
         'board = "tissue"\n[handle.up_down]\nid = 4\ndirection = -1\nzero_counts = 2071\n'

@@ -20,7 +20,7 @@ def test_it_is_a_camera_with_a_clock() -> None:
     assert not clock.realtime
 
 
-def test_frames_come_when_they_came() -> None:
+def test_frames_are_delivered_at_their_recorded_times() -> None:
     clock = PlaybackClock()
     frames = [_frame(seq, 0.4 + 0.04 * seq) for seq in range(5)]
     camera = RecordedCamera(CALIBRATION, clock, frames)
@@ -78,7 +78,7 @@ def test_a_damaged_video_is_one_line_or_frames_without_pictures(tmp_path: Path) 
             assert frames[-1].image is None
 
 
-def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
+def test_unreadable_files_give_one_line(tmp_path: Path) -> None:
     path, _ = _video(tmp_path)
     with pytest.raises(ConfigError, match="more than the 2 frames that have time stamps"):
         list(video(path, [(0.0, 0.0), (0.1, 0.1)]))

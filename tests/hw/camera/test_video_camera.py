@@ -28,11 +28,11 @@ WIDTH, HEIGHT, BITS = 320, 240, 10
 CALIBRATION = camera_model.from_fovy(WIDTH, HEIGHT, 85.0)
 COLOUR = (200, 60, 30)
 PATIENCE_S = 20.0
-"""A test fails only after so long: the computer may be busy."""
+"""Time limit of a test [s]: the computer may be busy."""
 
 
 class Stream:
-    """A network camera: sends the pictures it is told to, to one who asks."""
+    """A network camera: sends given pictures to one client."""
 
     def __init__(self) -> None:
         parts: Queue[bytes | None] = Queue()
@@ -146,7 +146,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> Iterator[Device]:
     source.give("lost", wait=False)  # lets go of a thread that waits
 
 
-def test_a_live_stream_gives_its_newest_picture(stream: Stream) -> None:
+def test_a_live_stream_delivers_its_newest_picture(stream: Stream) -> None:
     stream.send(0)
     with closing(_camera(stream.address)) as camera:
         checked: Camera = camera  # the type checker compares it with the protocol
@@ -181,7 +181,7 @@ def test_stamps_lie_between_sending_and_asking(stream: Stream) -> None:
             before = frame
 
 
-def test_dropped_counts_what_was_overtaken(device: Device) -> None:
+def test_dropped_counts_overtaken_frames(device: Device) -> None:
     with closing(_camera("0")) as camera:
         device.give(_picture(1), _picture(2))
         frames = [_latest(camera)]
@@ -205,7 +205,7 @@ def test_frames_of_a_frozen_stream_are_marked_repeated(stream: Stream) -> None:
             assert camera.latest() is frame  # asking again changes nothing
 
 
-def test_a_chain_that_doubles_every_picture_gives_news(device: Device) -> None:
+def test_a_source_that_sends_every_picture_twice_gives_new_frames(device: Device) -> None:
     with closing(_camera("0")) as camera:
         for number in range(1, 4):
             device.give(_picture(number), _picture(number))
@@ -268,7 +268,7 @@ def test_the_settings_are_requested_from_a_device(device: Device) -> None:
         }
 
 
-def test_a_device_may_fail_now_and_then(device: Device) -> None:
+def test_an_occasional_read_error_is_tolerated(device: Device) -> None:
     with closing(_camera(0)) as camera:
         assert device.opened == 0
         for number in (1, 2):
@@ -297,7 +297,7 @@ def test_pictures_of_another_size_are_refused(tmp_path: Path) -> None:
     )
 
 
-def test_what_is_no_video_is_refused(tmp_path: Path, stream: Stream) -> None:
+def test_a_file_that_is_not_a_video_is_refused(tmp_path: Path, stream: Stream) -> None:
     text = tmp_path / "film.avi"
     text.write_text("no video at all")
     stream.close()
@@ -310,13 +310,13 @@ def test_what_is_no_video_is_refused(tmp_path: Path, stream: Stream) -> None:
         )
 
 
-def test_a_camera_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    for here, told in (([], "none"), (["/dev/video0 (A)", "/dev/b"], "/dev/video0 (A), /dev/b")):
+def test_a_missing_camera_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for here, listed in (([], "none"), (["/dev/video0 (A)", "/dev/b"], "/dev/video0 (A), /dev/b")):
         monkeypatch.setattr(video_camera, "devices", lambda here=here: here)
         with pytest.raises(ConfigError) as caught:
             _camera("/dev/null")
         assert str(caught.value) == (
-            f"cannot open camera /dev/null; cameras here: {told}; plug it in or give another one"
+            f"cannot open camera /dev/null; cameras here: {listed}; plug it in or give another one"
         )
 
 
@@ -364,7 +364,7 @@ def _latest(camera: VideoCamera) -> Frame:
 
 
 def _frame(camera: VideoCamera, seq: int) -> Frame:
-    """Ask until so many pictures have come."""
+    """Poll until this number of pictures has arrived."""
     _wait(lambda: _latest(camera).seq >= seq)
     return _latest(camera)
 
@@ -399,7 +399,7 @@ def _number(frame: Frame) -> int:
 
 
 def _film(path: Path, code: str, count: int) -> Path:
-    """Write a video of so many numbered pictures, 25 Hz."""
+    """Write a video of this number of numbered pictures, 25 Hz."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), 25.0, (WIDTH, HEIGHT))
     assert writer.isOpened()
     for number in range(count):

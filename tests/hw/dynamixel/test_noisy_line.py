@@ -1,4 +1,4 @@
-"""A line that spoils what it carries: nothing wrong is ever believed, nothing old told as new."""
+"""A noisy line: no corrupted packet is accepted, and no old state is reported as fresh."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ SHARE = 0.05
 
 
 class Cycle(NamedTuple):
-    """What the host was told, and what was true."""
+    """The state that the host received, and the true values."""
 
     state: State
     position: tuple[float, ...]
     goal: tuple[float, ...]
     struck: bool
-    """Whether the line spoilt something in this cycle."""
+    """Whether the line corrupted or lost something in this cycle."""
 
 
 def drive_along(
     bench: Emulated, kinds: tuple[str, ...], cycles: int, period_s: float = PERIOD_S
 ) -> list[Cycle]:
-    """Turn both handles to and fro over a line with faults; its silences are not this test's."""
+    """Move both handles back and forth over a line with faults; silences raise no fault."""
     patient = GuardSettings(max_age_s=60.0, following_error_rad=10.0)
     guard = Guard(bench.drive, patient)
-    told = []
+    cycles_done = []
     guard.connect()
     guard.enable()
     for kind in kinds:
@@ -42,12 +42,14 @@ def drive_along(
         bench.wait(period_s)
         before = bench.wire.struck
         phase = 2 * pi * n * period_s / 3.0
-        wanted = Command(position=(sin(phase), 0.7 * sin(1.3 * phase)))
-        state = guard.exchange(wanted)
+        command = Command(position=(sin(phase), 0.7 * sin(1.3 * phase)))
+        state = guard.exchange(command)
         counts = [_position(bench, i) for i in (0, 1)]
         goals = [_register(bench, i, reg.GOAL_POSITION) for i in (0, 1)]
-        told.append(Cycle(state, _angles(counts), _angles(goals), bench.wire.struck > before))
-    return told
+        cycles_done.append(
+            Cycle(state, _angles(counts), _angles(goals), bench.wire.struck > before)
+        )
+    return cycles_done
 
 
 def _position(bench: Emulated, place: int) -> int:
@@ -65,7 +67,7 @@ def _angles(counts: list[int]) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in RANDOM), RANDOM])
 @pytest.mark.parametrize("period_s", [PERIOD_S, 0.005])
-def test_nothing_wrong_is_believed(kinds: tuple[str, ...], period_s: float) -> None:
+def test_no_corrupted_packet_is_accepted(kinds: tuple[str, ...], period_s: float) -> None:
     bench = Emulated(seed=7)
     cycles = drive_along(bench, kinds, CYCLES, period_s)
     assert sum(c.struck for c in cycles) > CYCLES * SHARE / 2  # the line did its worst

@@ -100,14 +100,14 @@ def test_the_checksum_is_that_of_a_long_division(data: bytes) -> None:
 
 
 @given(packets, st.lists(st.integers(0, 200), max_size=8))
-def test_every_packet_comes_back_in_whatever_pieces(packet: Packet, cuts: list[int]) -> None:
+def test_every_packet_is_parsed_however_it_is_split(packet: Packet, cuts: list[int]) -> None:
     raw = whole(packet)
     assert fed(raw, cuts) == [packet]
     assert fed(raw, list(range(len(raw)))) == [packet]  # byte by byte
 
 
 @given(packets)
-def test_no_header_stands_inside_a_packet(packet: Packet) -> None:
+def test_a_stuffed_packet_contains_no_second_header(packet: Packet) -> None:
     raw = whole(packet)
     assert HEADER not in raw[1:-2]  # a checksum may be anything
     assert unpack("<H", raw[5:7])[0] == len(raw) - 7
@@ -115,7 +115,7 @@ def test_no_header_stands_inside_a_packet(packet: Packet) -> None:
 
 @pytest.mark.parametrize("before", range(4))
 @pytest.mark.parametrize("after", range(4))
-def test_a_header_is_stuffed_wherever_it_stands(before: int, after: int) -> None:
+def test_a_header_is_stuffed_at_any_position(before: int, after: int) -> None:
     parameters = bytes(before) + HEADER[:3] + b"\xfd" * after
     raw = encode(1, Instruction.WRITE, parameters)
     assert raw[8:-2] == bytes(before) + HEADER[:3] + b"\xfd" + b"\xfd" * after
@@ -127,7 +127,7 @@ def test_stuffing_begins_with_the_instruction() -> None:
 
 
 @given(st.lists(st.tuples(noises, packets), max_size=5), st.lists(st.integers(0, 999), max_size=8))
-def test_what_stands_between_packets_is_passed_over(
+def test_bytes_between_packets_are_skipped(
     parts: list[tuple[bytes, Packet]], cuts: list[int]
 ) -> None:
     stream = b"".join(noise + whole(packet) for noise, packet in parts)
@@ -174,7 +174,7 @@ def test_a_good_packet_is_found_within_what_a_damaged_one_claims() -> None:
     assert parser.damaged == 1
 
 
-def test_a_claim_that_no_packet_makes_is_not_waited_for() -> None:
+def test_a_length_beyond_the_maximum_is_not_waited_for() -> None:
     for length in (0, 2, LONGEST + 1, 0xFFFF):
         claims = HEADER + b"\x01" + length.to_bytes(2, "little")
         assert Parser().feed(claims + whole(GOOD)) == [GOOD]
@@ -198,7 +198,7 @@ def test_an_unfinished_packet_is_visible_and_can_be_discarded() -> None:
         assert not parser.partial
 
 
-def test_noise_is_no_unfinished_packet() -> None:
+def test_noise_does_not_count_as_an_unfinished_packet() -> None:
     parser = Parser()
     assert parser.feed(b"noise \xff\xff\xfe") == []
     assert not parser.partial
@@ -238,7 +238,7 @@ def test_a_fast_answer_of_another_length_is_rejected() -> None:
     assert split_fast(b"", 4) == []
 
 
-def test_refusals_have_names() -> None:
+def test_refusals_have_texts() -> None:
     assert [refusal.text for refusal in Refusal] == [
         "failed",
         "instruction",

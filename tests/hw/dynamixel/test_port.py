@@ -1,4 +1,4 @@
-"""Serial ports, on real pseudo-terminals: one owner, any baud rate, an unplugging is told."""
+"""Serial ports, on real pseudo-terminals: one owner, any baud rate, unplugging is reported."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ assert sys.platform == "linux"  # pseudo-terminals
 pytestmark = pytest.mark.wall_time
 
 LONG_S = 20.0
-"""Nothing here takes so long; a test that waits for it has failed."""
+"""Time limit [s]; a test that reaches it has failed."""
 SOON_S = 0.05
 Make = Callable[[str | Path], Port]
 
@@ -80,7 +80,7 @@ def port(make: Make, line: PtyLine) -> Iterator[Port]:
 
 
 def heard(line: PtyLine, size: int) -> bytes:
-    """Return so many bytes from the far end."""
+    """Return this number of bytes from the other end of the pty."""
     data, give_up = b"", time.monotonic() + LONG_S
     while len(data) < size and time.monotonic() < give_up:
         if line.wait(SOON_S):
@@ -89,7 +89,7 @@ def heard(line: PtyLine, size: int) -> bytes:
 
 
 def received(port: Port, size: int) -> bytes:
-    """Return so many bytes from the near end."""
+    """Return this number of bytes from the port."""
     data, give_up = b"", time.monotonic() + LONG_S
     while len(data) < size and time.monotonic() < give_up:
         data += port.receive(SOON_S)
@@ -107,7 +107,7 @@ def owner(path: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def gone(name: str) -> str:
-    """Return what is said of an unplugged port."""
+    """Return the pattern of the message for an unplugged port."""
     return (
         f"^{name} is gone; the motors hold where they are, by their own watchdog; plug it in "
         r"again, then clear_fault\(\) and enable\(\)$"
@@ -128,19 +128,19 @@ def test_every_byte_goes_through_unchanged(port: Port, line: PtyLine) -> None:
 
 
 @pytest.mark.parametrize("baud", [9_600, 57_600, 123_457, 1_000_000, 3_000_000, 4_500_000])
-def test_the_far_end_sees_the_baud_rate(port: Port, line: PtyLine, baud: int) -> None:
+def test_the_other_end_of_the_pty_sees_the_baud_rate(port: Port, line: PtyLine, baud: int) -> None:
     assert line.baud == 1_000_000
     port.set_baud(baud)
     assert line.baud == baud
 
 
-def test_a_baud_rate_lasts(port: Port, line: PtyLine) -> None:
+def test_a_baud_rate_set_before_opening_is_used(port: Port, line: PtyLine) -> None:
     port.set_baud(57_600)
     port.open()
     assert line.baud == 57_600
 
 
-def test_a_line_that_was_left_to_be_typed_on_is_made_plain(port: Port, line: PtyLine) -> None:
+def test_a_terminal_in_line_mode_is_set_to_raw_mode(port: Port, line: PtyLine) -> None:
     port.close()
     fd = os.open(line.path, os.O_RDWR | os.O_NOCTTY)
     modes = termios.tcgetattr(fd)
@@ -153,7 +153,7 @@ def test_a_line_that_was_left_to_be_typed_on_is_made_plain(port: Port, line: Pty
     test_every_byte_goes_through_unchanged(port, line)
 
 
-def test_what_was_sent_before_it_was_closed_arrives(port: Port, line: PtyLine) -> None:
+def test_bytes_sent_before_closing_arrive(port: Port, line: PtyLine) -> None:
     port.send(b"good-bye")
     port.close()
     assert heard(line, 8) == b"good-bye"
@@ -182,7 +182,7 @@ def test_it_does_not_wait_longer_than_its_timeout(port: Port) -> None:
     assert time.monotonic() - start >= SOON_S
 
 
-def test_more_than_the_line_holds_is_sent_whole(port: Port, line: PtyLine) -> None:
+def test_more_bytes_than_the_buffer_holds_are_sent_completely(port: Port, line: PtyLine) -> None:
     much = os.urandom(200_000)  # a pty holds some 64 KiB
     sender = threading.Thread(target=port.send, args=[much])
     sender.start()
@@ -190,7 +190,7 @@ def test_more_than_the_line_holds_is_sent_whole(port: Port, line: PtyLine) -> No
     sender.join()
 
 
-def test_a_second_owner_is_turned_away(make: Make, port: Port, line: PtyLine) -> None:
+def test_a_second_owner_is_refused(make: Make, port: Port, line: PtyLine) -> None:
     message = f"^{port.name} is in use by another program; close that program, then connect\\(\\)$"
     with pytest.raises(PortBusy, match=message):
         make(line.path).open()
@@ -202,7 +202,7 @@ def test_a_second_owner_is_turned_away(make: Make, port: Port, line: PtyLine) ->
     other.close()
 
 
-def test_a_port_that_another_process_has_is_refused(make: Make, line: PtyLine) -> None:
+def test_a_port_in_use_by_another_process_is_refused(make: Make, line: PtyLine) -> None:
     port = make(line.path)
     with owner(line.path), pytest.raises(PortBusy, match="is in use by another program"):
         port.open()
@@ -210,7 +210,7 @@ def test_a_port_that_another_process_has_is_refused(make: Make, line: PtyLine) -
     port.close()
 
 
-def test_a_killed_owner_leaves_it_free(make: Make, line: PtyLine) -> None:
+def test_a_killed_owner_releases_the_port(make: Make, line: PtyLine) -> None:
     with owner(line.path) as process:
         process.kill()
     port = make(line.path)
@@ -231,7 +231,7 @@ USES: dict[str, Callable[[Port], object]] = {
 
 
 @pytest.mark.parametrize("use", USES.values(), ids=USES.keys())
-def test_being_unplugged_is_not_silence(
+def test_an_unplugged_port_is_distinguished_from_a_silent_one(
     port: Port, line: PtyLine, use: Callable[[Port], object]
 ) -> None:
     line.unplug()
@@ -241,7 +241,7 @@ def test_being_unplugged_is_not_silence(
 
 
 @pytest.mark.parametrize("use", USES.values(), ids=USES.keys())
-def test_closed_it_is_gone(
+def test_a_closed_port_raises_port_gone(
     make: Make, port: Port, line: PtyLine, use: Callable[[Port], object]
 ) -> None:
     port.close()
@@ -251,7 +251,7 @@ def test_closed_it_is_gone(
             use(closed)
 
 
-def test_an_unplugging_ends_a_wait(port: Port, line: PtyLine) -> None:
+def test_unplugging_ends_a_wait(port: Port, line: PtyLine) -> None:
     later = threading.Timer(SOON_S, line.unplug)
     later.start()
     with pytest.raises(PortGone, match=gone(port.name)):
@@ -259,7 +259,7 @@ def test_an_unplugging_ends_a_wait(port: Port, line: PtyLine) -> None:
     later.join()
 
 
-def test_plugged_in_anew_it_is_found_by_its_link(make: Make, tmp_path: Path) -> None:
+def test_a_replugged_port_is_found_by_its_link(make: Make, tmp_path: Path) -> None:
     line = PtyLine(tmp_path / "handles")
     port = make(line.path)
     port.open()
@@ -275,7 +275,7 @@ def test_plugged_in_anew_it_is_found_by_its_link(make: Make, tmp_path: Path) -> 
     line.close()
 
 
-def test_while_it_is_away_it_cannot_be_opened(make: Make, tmp_path: Path) -> None:
+def test_an_unplugged_port_cannot_be_opened(make: Make, tmp_path: Path) -> None:
     line = PtyLine(tmp_path / "handles")
     port = make(line.path)
     port.open()
@@ -288,13 +288,13 @@ def test_while_it_is_away_it_cannot_be_opened(make: Make, tmp_path: Path) -> Non
     line.close()
 
 
-def test_a_port_that_is_not_there_is_gone(make: Make, tmp_path: Path) -> None:
+def test_a_missing_port_raises_port_gone(make: Make, tmp_path: Path) -> None:
     message = r"/none cannot be opened \(.*\); plug it in, and see endolock doctor$"
     with pytest.raises(PortGone, match=message):
         make(tmp_path / "none").open()
 
 
-def test_what_is_not_a_serial_port_is_refused(make: Make, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_serial_port_is_refused(make: Make, tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("keep me")
     message = (
@@ -309,7 +309,7 @@ def test_what_is_not_a_serial_port_is_refused(make: Make, tmp_path: Path) -> Non
 # Lasting names.
 
 
-def test_it_is_found_again_by_its_lasting_name(tmp_path: Path) -> None:
+def test_a_port_is_found_again_by_its_persistent_name(tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     (by_id / "another").symlink_to(tmp_path / "elsewhere")
@@ -328,12 +328,12 @@ def test_it_is_found_again_by_its_lasting_name(tmp_path: Path) -> None:
     line.close()
 
 
-def test_a_folder_of_lasting_names_is_not_needed(line: PtyLine, tmp_path: Path) -> None:
+def test_a_folder_of_persistent_names_is_not_needed(line: PtyLine, tmp_path: Path) -> None:
     port = SerialPort(line.path, 1_000_000, tmp_path / "none")
     for _ in range(2):
         port.open()
     port.close()
 
 
-def test_here_a_port_is_that_of_linux() -> None:
+def test_on_linux_the_port_is_the_linux_one() -> None:
     assert isinstance(serial_port("/dev/ttyUSB0", 57_600), SerialPort)

@@ -25,7 +25,7 @@ PAGE = (Path(__file__).parents[3] / "hw" / "PROTOCOL.md").read_text()
 
 
 class Still:
-    """A motor that measures what it is told to."""
+    """A motor with given measurements."""
 
     measured = (0.0, 0.0, 0.0)
 
@@ -155,7 +155,7 @@ def test_the_page_lists_the_requests_in_order(talk: Talk, phase: str, device: in
             assert unpack(f"<{reg.BLOCK_SIZE}H", data) == reg.BLOCK_ADDRESSES
 
 
-def test_torque_goes_off_at_every_motor_before_anything_else(talk: Talk) -> None:
+def test_torque_is_switched_off_at_every_motor_first(talk: Talk) -> None:
     assert [packet.id for packet in asked(talk.connect)][:4] == [1, 1, 2, 2]
 
 

@@ -30,8 +30,8 @@ def losing(bench: Emulated, lose: Lose, *, late: bool = False) -> None:
         answers = [] if lost else honest(data, baud)
         if not late:
             return answers
-        told, held = held, answers
-        return told
+        delayed, held = held, answers
+        return delayed
 
     bench.wire.respond = respond  # type: ignore[method-assign]  # it is the line that is on trial
 
@@ -76,7 +76,7 @@ def test_a_motor_that_cannot_be_switched_off_is_a_latched_fault() -> None:
     assert bench.angles() == pytest.approx(held, abs=STEP_RAD)  # it holds
 
 
-def test_an_answer_to_something_older_is_not_believed() -> None:
+def test_an_answer_to_an_earlier_request_is_ignored() -> None:
     bench = Emulated()
     bench.guard.connect()
     bench.guard.enable()
@@ -87,7 +87,7 @@ def test_an_answer_to_something_older_is_not_believed() -> None:
     assert bench.guard.mode is Mode.FAULT
 
 
-def test_enabling_that_fails_half_way_leaves_nothing_on_unnoticed() -> None:
+def test_a_failed_enable_leaves_no_torque_on_unreported() -> None:
     bench = Emulated()
     bench.guard.connect()
 
@@ -128,7 +128,7 @@ def test_torque_switched_off_by_another_program_is_an_error() -> None:
             bench.follow(1)
 
 
-def test_a_silent_line_is_retried_when_it_is_closed() -> None:
+def test_closing_retries_on_a_silent_line() -> None:
     bench = Emulated()
     bench.guard.connect()
     bench.guard.enable()
@@ -165,7 +165,9 @@ def test_whole_turns_survive_a_recovery_that_fails_half_way() -> None:
 
 
 @pytest.mark.parametrize(("pause_s", "drift"), [(60.0, -1e-4), (0.35, 0.01), (600.0, 1e-4)])
-def test_a_pause_is_no_silence_though_clocks_drift(pause_s: float, drift: float) -> None:
+def test_a_pause_between_exchanges_is_tolerated_despite_clock_drift(
+    pause_s: float, drift: float
+) -> None:
     bench = Emulated()
     for servo in bench.servos:
         servo.now = lambda: bench.clock.now() * (1 + drift)
@@ -176,7 +178,7 @@ def test_a_pause_is_no_silence_though_clocks_drift(pause_s: float, drift: float)
         assert bench.follow(1)[0].fresh
 
 
-def test_after_a_pause_one_lost_answer_is_but_stale() -> None:
+def test_after_a_pause_one_lost_answer_is_only_stale() -> None:
     bench = Emulated()
     with bench.guard as guard:
         bench.follow(3)

@@ -1,6 +1,6 @@
-"""Guard, drive, bus and port on a real pseudo-terminal, in the time of the wall.
+"""Guard, drive, bus and port on a real pseudo-terminal, in wall-clock time.
 
-Few, since a busy machine makes them late; what can be asked in virtual time is asked there.
+Few tests, since a busy machine makes them late; everything else is tested in virtual time.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def positions(line: Served) -> list[int]:
     return [int.from_bytes(data, "little", signed=True) for data in read]
 
 
-def test_replugged_under_a_new_name_it_goes_on_where_it_was(served: Served) -> None:
+def test_a_port_replugged_under_a_new_name_continues_at_its_position(served: Served) -> None:
     with bench(served) as guard:
         guard.enable()
         follow(guard, (0.4, -0.3), 0.5)

@@ -110,7 +110,7 @@ def test_a_ping_is_answered_with_model_and_firmware(line: Line) -> None:
     assert line.ask(2, Instruction.PING) == [(2, 0, HELLO)]
 
 
-def test_all_answer_to_a_ping_in_the_order_of_their_ids(line: Line) -> None:
+def test_all_servos_answer_a_ping_in_the_order_of_their_ids(line: Line) -> None:
     assert line.ask(BROADCAST, Instruction.PING) == [(1, 0, HELLO), (2, 0, HELLO)]
 
 
@@ -123,7 +123,7 @@ def test_a_register_is_written(line: Line) -> None:
     assert line.goals == (2200, CENTRE)
 
 
-def test_why_something_is_not_done_is_answered(line: Line) -> None:
+def test_the_reason_for_a_refusal_is_answered(line: Line) -> None:
     assert line.ask(1, Instruction.READ, of(NOWHERE)) == [refused(Refusal.ACCESS)]
     high = at(reg.GOAL_POSITION, pack("<i", 4096))
     assert line.ask(1, Instruction.WRITE, high) == [refused(Refusal.DATA_LIMIT)]
@@ -131,7 +131,7 @@ def test_why_something_is_not_done_is_answered(line: Line) -> None:
     assert line.ask(1, Instruction.WRITE, at(reg.BAUD, b"\x09")) == [refused(Refusal.DATA_RANGE)]
 
 
-def test_what_was_registered_is_done_on_the_action(line: Line) -> None:
+def test_registered_writes_are_executed_on_the_action(line: Line) -> None:
     assert line.ask(1, Instruction.REG_WRITE, GOAL) == [DONE]
     assert line.ask(1, Instruction.READ, of(reg.REGISTERED)) == [(1, 0, b"\x01")]
     assert line.goals == (CENTRE, CENTRE)
@@ -140,7 +140,7 @@ def test_what_was_registered_is_done_on_the_action(line: Line) -> None:
     assert line.ask(1, Instruction.ACTION) == [refused(Refusal.INSTRUCTION)]
 
 
-def test_an_action_of_all_makes_them_start_together(line: Line) -> None:
+def test_an_action_broadcast_starts_all_servos_together(line: Line) -> None:
     for device in (1, 2):
         line.ask(device, Instruction.REG_WRITE, GOAL)
     assert line.ask(BROADCAST, Instruction.ACTION) == []
@@ -158,7 +158,7 @@ def test_a_reboot_is_answered_before_it_happens(line: Line) -> None:
     assert line.ask(1, Instruction.ACTION) == [refused(Refusal.INSTRUCTION)]
 
 
-def test_a_new_id_is_answered_to_from_then_on(line: Line) -> None:
+def test_a_new_id_takes_effect_after_the_answer(line: Line) -> None:
     assert line.ask(1, Instruction.WRITE, at(reg.ID, b"\x07")) == [DONE]
     assert line.ask(1, Instruction.PING) == []
     assert line.ask(7, Instruction.PING) == [(7, 0, HELLO)]
@@ -174,13 +174,13 @@ def test_a_sync_write_reaches_the_servos_it_names_without_an_answer(line: Line) 
     assert line.goals == (2200, 2)
 
 
-def test_of_a_sync_write_one_may_refuse_its_part(line: Line) -> None:
+def test_one_servo_may_refuse_its_part_of_a_sync_write(line: Line) -> None:
     goals = of(reg.GOAL_POSITION) + pack("<BiBi", 1, 9999, 2, 1900)
     assert line.ask(BROADCAST, Instruction.SYNC_WRITE, goals) == []
     assert line.goals == (CENTRE, 1900)
 
 
-def test_of_a_sync_write_that_is_cut_short_the_whole_parts_count(line: Line) -> None:
+def test_the_complete_parts_of_a_truncated_sync_write_are_executed(line: Line) -> None:
     ramps = of(reg.PROFILE) + pack("<BqBq", 1, 11, 2, 22)
     assert line.ask(BROADCAST, Instruction.SYNC_WRITE, ramps[:-1]) == []
     assert [value(servo, reg.PROFILE) for servo in (line.first, line.second)] == [11, 0]
@@ -194,7 +194,7 @@ def test_a_sync_read_is_answered_in_the_order_asked(line: Line) -> None:
         assert answers == [(device, 0, goals[device]) for device in order if device in goals]
 
 
-def test_in_a_sync_read_each_may_refuse(line: Line) -> None:
+def test_each_servo_may_refuse_its_part_of_a_sync_read(line: Line) -> None:
     answers = line.ask(BROADCAST, Instruction.SYNC_READ, of(NOWHERE, (1, 2)))
     assert answers == [refused(Refusal.ACCESS, 1), refused(Refusal.ACCESS, 2)]
 
@@ -208,7 +208,7 @@ def test_a_fast_sync_read_is_answered_in_one_packet(line: Line) -> None:
     assert parts == [(0, 2, POSITION), (ALERT, 1, POSITION)]
 
 
-def test_a_fast_answer_needs_everybody(line: Line) -> None:
+def test_a_fast_answer_needs_every_servo(line: Line) -> None:
     fast = Instruction.FAST_SYNC_READ
     assert line.ask(BROADCAST, fast, of(reg.POSITION, (1, 5))) == []
     assert line.ask(BROADCAST, fast, of(NOWHERE, (1, 2))) == []
@@ -217,9 +217,9 @@ def test_a_fast_answer_needs_everybody(line: Line) -> None:
     assert line.ask(BROADCAST, fast, of(reg.POSITION, (1, 2))) == []
 
 
-def test_a_bulk_read_asks_each_for_its_own_register(line: Line) -> None:
-    wanted = ((2, reg.TEMPERATURE), (5, reg.POSITION), (1, reg.VOLTAGE), (2, NOWHERE))
-    request = b"".join(pack("<BHH", device, *register) for device, register in wanted)
+def test_a_bulk_read_reads_a_different_register_of_each_servo(line: Line) -> None:
+    registers = ((2, reg.TEMPERATURE), (5, reg.POSITION), (1, reg.VOLTAGE), (2, NOWHERE))
+    request = b"".join(pack("<BHH", device, *register) for device, register in registers)
     assert line.ask(BROADCAST, Instruction.BULK_READ, request) == [
         (2, 0, b"\x1e"),
         (1, 0, pack("<H", 120)),
@@ -227,7 +227,7 @@ def test_a_bulk_read_asks_each_for_its_own_register(line: Line) -> None:
     ]
 
 
-def test_a_bulk_write_gives_each_its_own_register(line: Line) -> None:
+def test_a_bulk_write_writes_a_different_register_of_each_servo(line: Line) -> None:
     parts = pack("<BHHi", 2, *reg.GOAL_POSITION, 1900) + pack("<BHHi", 5, *reg.GOAL_POSITION, 3)
     parts += pack("<BHHB", 1, *reg.WATCHDOG, 50)
     assert line.ask(BROADCAST, Instruction.BULK_WRITE, parts) == []
@@ -276,7 +276,7 @@ def test_the_status_level_holds_for_refusals_too(line: Line, level: int) -> None
     assert len(rest) == (0, 0, 2)[level]
 
 
-def test_a_broadcast_is_carried_out_and_not_answered(line: Line) -> None:
+def test_a_broadcast_is_executed_and_not_answered(line: Line) -> None:
     for kind, parameters in EVERYTHING.items():
         if kind not in (Instruction.PING, *TO_ALL):
             assert line.ask(BROADCAST, kind, parameters) == []
@@ -305,7 +305,7 @@ def test_an_unknown_instruction_is_refused(line: Line) -> None:
         (Instruction.REG_WRITE, b"\x40"),
     ],
 )
-def test_too_short_a_request_is_refused(line: Line, kind: int, parameters: bytes) -> None:
+def test_a_truncated_request_is_refused(line: Line, kind: int, parameters: bytes) -> None:
     assert line.ask(1, kind, parameters) == [refused(Refusal.DATA_LENGTH)]
     assert line.ask(BROADCAST, kind, parameters) == []
     assert line.goals == (CENTRE, CENTRE)
@@ -321,7 +321,7 @@ def test_too_short_a_request_is_refused(line: Line, kind: int, parameters: bytes
         Instruction.BULK_WRITE,
     ],
 )
-def test_too_short_a_request_to_all_is_not_answered(line: Line, kind: int) -> None:
+def test_a_truncated_broadcast_is_not_answered(line: Line, kind: int) -> None:
     for size in range(4):
         assert line.ask(BROADCAST, kind, b"\x01\x84\x00\x04"[:size]) == []
 
@@ -331,11 +331,11 @@ def test_an_unknown_id_gets_no_answer(line: Line) -> None:
         assert line.ask(3, kind, parameters) == []
 
 
-def test_answers_of_others_are_not_answered(line: Line) -> None:
+def test_status_packets_of_other_servos_are_ignored(line: Line) -> None:
     assert line.ask(1, Instruction.STATUS, b"\x00") == []
 
 
-def test_another_baud_rate_gets_no_answer(line: Line) -> None:
+def test_a_request_at_another_baud_rate_gets_no_answer(line: Line) -> None:
     ping = encode(1, Instruction.PING)
     assert len(line.respond(ping, 1_000_000)) == 1
     assert line.respond(ping, 57_600) == []
@@ -347,7 +347,7 @@ def test_another_baud_rate_gets_no_answer(line: Line) -> None:
 
 
 @pytest.mark.parametrize("kind", [*EVERYTHING])
-def test_every_answer_tells_of_a_hardware_error(line: Line, kind: int) -> None:
+def test_every_answer_reports_a_hardware_error(line: Line, kind: int) -> None:
     line.first.fail("overload")
     device = BROADCAST if kind in TO_ALL else 1
     (packet,) = line.respond(encode(device, kind, EVERYTHING[kind]))
@@ -380,7 +380,7 @@ def test_a_request_may_come_in_pieces(line: Line) -> None:
     assert len(line.respond(write[-1:])) == 1
 
 
-def test_a_request_that_stops_half_way_is_given_up_after_a_while(line: Line) -> None:
+def test_an_incomplete_request_is_discarded_after_a_timeout(line: Line) -> None:
     much, ping = encode(1, Instruction.WRITE, bytes(60)), encode(2, Instruction.PING)
     assert line.respond(much[:10]) == []
     line.wait(0.9 * UNFINISHED_S)
@@ -397,7 +397,7 @@ def test_two_requests_may_come_together(line: Line) -> None:
 # The watchdog on the line.
 
 
-def test_a_packet_for_it_or_for_all_keeps_a_motor_going(line: Line) -> None:
+def test_a_packet_to_a_motor_or_a_broadcast_feeds_its_watchdog(line: Line) -> None:
     for device in (1, 2):
         line.ask(device, Instruction.WRITE, at(reg.TORQUE_ENABLE, b"\x01"))
         line.ask(device, Instruction.WRITE, at(reg.WATCHDOG, b"\x02"))
@@ -412,7 +412,7 @@ def test_a_packet_for_it_or_for_all_keeps_a_motor_going(line: Line) -> None:
     assert value(line.second, reg.WATCHDOG) == reg.TRIPPED
 
 
-def test_after_a_trip_a_sync_write_is_in_vain_until_the_watchdog_is_off(line: Line) -> None:
+def test_after_a_trip_sync_writes_have_no_effect_until_the_watchdog_is_off(line: Line) -> None:
     line.ask(1, Instruction.WRITE, at(reg.TORQUE_ENABLE, b"\x01"))
     line.ask(1, Instruction.WRITE, at(reg.WATCHDOG, b"\x02"))
     line.wait(0.042)

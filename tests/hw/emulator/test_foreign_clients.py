@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.extra, pytest.mark.wall_time]
 
 CLIENTS = Path(__file__).parent / "clients"
 LONG_S = 60.0
-"""No client takes so long."""
+"""Time limit for a client [s]."""
 STEP_RAD = 0.0016  # 2 pi / 4096, rounded up
 CLOSE = 20  # counts; at which the clients are content
 CLOSE_RAD = 0.03
@@ -70,7 +70,7 @@ def switched_off(bench: Emulated) -> bool:
     return not any(motor.on for motor in bench.motors)
 
 
-def test_the_vendors_library_drives_them(bench: tuple[Emulated, str]) -> None:
+def test_the_vendors_library_drives_the_emulated_servos(bench: tuple[Emulated, str]) -> None:
     emulated, port = bench
     said = run("sdk_client.py", port)
     assert said["on the line"] == "{1: (1020, 45), 2: (1020, 45)}"
@@ -84,7 +84,7 @@ def test_the_vendors_library_drives_them(bench: tuple[Emulated, str]) -> None:
     assert switched_off(emulated)
 
 
-def test_rustypot_drives_them(bench: tuple[Emulated, str]) -> None:
+def test_rustypot_drives_the_emulated_servos(bench: tuple[Emulated, str]) -> None:
     emulated, port = bench
     said = run("rustypot_client.py", port)
     assert said["on the line"] == "{1: 1020, 2: 1020}"

@@ -55,7 +55,7 @@ def test_a_link_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
         PtyLine(link)
 
 
-def test_a_link_that_points_elsewhere_by_now_is_kept(tmp_path: Path) -> None:
+def test_a_link_that_now_points_elsewhere_is_kept(tmp_path: Path) -> None:
     link = tmp_path / "handles"
     first, second = PtyLine(link), PtyLine(link)
     first.close()
@@ -83,7 +83,7 @@ def test_a_line_that_no_client_has_open_delivers_nothing(line: PtyLine) -> None:
     port.close()
 
 
-def test_nothing_comes_of_a_line_that_is_unplugged(line: PtyLine) -> None:
+def test_an_unplugged_line_delivers_nothing(line: PtyLine) -> None:
     assert line.plugged
     line.unplug()
     line.unplug()

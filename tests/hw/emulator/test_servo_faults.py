@@ -27,7 +27,7 @@ def one() -> One:
 # The watchdog.
 
 
-def test_it_counts_in_20_ms(one: One) -> None:
+def test_the_watchdog_counts_in_units_of_20_ms(one: One) -> None:
     one.turning()
     one.put(reg.WATCHDOG, 10)
     assert one.servo.trips_at == pytest.approx(one.clock.now() + 0.200, abs=1e-9)  # rounding
@@ -39,14 +39,14 @@ def test_it_counts_in_20_ms(one: One) -> None:
     assert one.get(reg.WATCHDOG) == reg.TRIPPED
 
 
-def test_it_is_off_as_sold(one: One) -> None:
+def test_the_watchdog_is_off_by_default(one: One) -> None:
     one.turning()
     assert one.servo.trips_at == inf
     one.wait(10.0)
     assert one.get(reg.WATCHDOG) == 0
 
 
-def test_it_does_not_watch_while_torque_is_off(one: One) -> None:
+def test_the_watchdog_is_inactive_while_torque_is_off(one: One) -> None:
     one.put(reg.WATCHDOG, 1)
     one.wait(10.0)
     assert one.get(reg.WATCHDOG) == 1
@@ -135,7 +135,7 @@ def test_which_errors_switch_torque_off_can_be_chosen(one: One) -> None:
     assert not one.motor.on
 
 
-def test_what_is_no_hardware_error_cannot_be_latched(one: One) -> None:
+def test_only_known_hardware_errors_can_be_latched(one: One) -> None:
     with pytest.raises(ValueError, match=r"^watchdog is not a hardware error$"):
         one.servo.fail("watchdog")
 
@@ -158,7 +158,7 @@ def test_a_high_current_for_long_is_an_overload(one: One) -> None:
 # A reboot.
 
 
-def test_a_reboot_forgets_ram_and_keeps_the_eeprom(one: One) -> None:
+def test_a_reboot_clears_ram_and_keeps_the_eeprom(one: One) -> None:
     one.put(reg.RETURN_DELAY, 0)
     one.put(reg.INDIRECT_ADDRESS, int.from_bytes(pack("<H", reg.POSITION.address) * 28, "little"))
     one.put(reg.STATUS_LEVEL, 1)
@@ -180,7 +180,7 @@ def test_a_reboot_forgets_ram_and_keeps_the_eeprom(one: One) -> None:
 
 
 @pytest.mark.parametrize("turns", [5, -5])
-def test_a_reboot_forgets_whole_turns_and_moves_nothing(one: One, turns: int) -> None:
+def test_a_reboot_clears_whole_turns_and_moves_nothing(one: One, turns: int) -> None:
     one.turning(CENTRE + turns * reg.TURN + 40)
     one.wait(SETTLED_S)
     before, *_ = one.motor.measure()
@@ -192,7 +192,7 @@ def test_a_reboot_forgets_whole_turns_and_moves_nothing(one: One, turns: int) ->
     assert one.motor.measure()[0] == pytest.approx(before, abs=step_rad)  # rounded to a step
 
 
-def test_after_a_reboot_it_takes_a_while_to_answer() -> None:
+def test_after_a_reboot_a_servo_answers_only_after_a_delay() -> None:
     one = One(reboot_s=0.3)
     assert one.servo.awake
     one.servo.reboot()
@@ -203,7 +203,7 @@ def test_after_a_reboot_it_takes_a_while_to_answer() -> None:
     assert one.get(reg.TICK) <= 2
 
 
-def test_what_was_registered_waits_for_the_action(one: One) -> None:
+def test_registered_writes_wait_for_the_action(one: One) -> None:
     one.servo.register(reg.GOAL_POSITION.address, pack("<i", 2222))
     assert (one.get(reg.GOAL_POSITION), one.get(reg.REGISTERED)) == (CENTRE, 1)
     one.servo.act()

@@ -51,14 +51,14 @@ def one() -> One:
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.3104, -17.0])
-def test_wherever_it_stands_it_starts_at_its_centre_with_torque_off(angle_rad: float) -> None:
+def test_at_any_angle_a_servo_starts_at_its_centre_with_torque_off(angle_rad: float) -> None:
     one = One(angle_rad)
     assert (one.get(reg.POSITION), one.get(reg.GOAL_POSITION)) == (CENTRE, CENTRE)
     assert one.get(reg.TORQUE_ENABLE) == 0
     assert not one.motor.on
 
 
-def test_it_is_new_enough_for_a_watchdog(one: One) -> None:
+def test_the_firmware_supports_the_watchdog(one: One) -> None:
     assert one.get(reg.FIRMWARE) >= reg.OLDEST_FIRMWARE
     assert one.get(reg.WATCHDOG) == 0
 
@@ -75,7 +75,7 @@ def test_it_measures_in_whole_steps(one: One) -> None:
     assert one.get(reg.POSITION) == CENTRE + round(angle / units.position_rad) - start
 
 
-def test_its_clock_counts_milliseconds_and_begins_again(one: One) -> None:
+def test_the_device_tick_counts_milliseconds_and_wraps(one: One) -> None:
     one.wait(1.2344)
     assert one.get(reg.TICK) == 1234
     one.clock.sleep_until(1e-3 * (reg.TICK_PERIOD + 5))
@@ -104,13 +104,13 @@ def test_ram_is_not_locked(one: One) -> None:
 
 
 @pytest.mark.parametrize("register", READ_ONLY)
-def test_what_it_measures_cannot_be_written(one: One, register: Register) -> None:
+def test_measured_registers_are_read_only(one: One, register: Register) -> None:
     before = one.get(register)
     assert one.refusal(register, 77) is Refusal.ACCESS
     assert one.get(register) == before
 
 
-def test_of_a_write_that_reaches_too_far_nothing_is_taken(one: One) -> None:
+def test_a_write_beyond_the_table_writes_nothing(one: One) -> None:
     with pytest.raises(Refused, match=r"^access$"):
         one.servo.write(reg.GOAL_POSITION.address, pack("<iH", 3000, 7))
     assert one.get(reg.GOAL_POSITION) == CENTRE
@@ -158,7 +158,7 @@ def test_half_a_register_is_refused(one: One, register: Register) -> None:
     assert one.get(reg.POSITION) == one.get(reg.GOAL_POSITION) == CENTRE
 
 
-def test_beyond_its_table_there_is_nothing(one: One) -> None:
+def test_addresses_beyond_the_control_table_are_refused(one: One) -> None:
     assert len(one.servo.read(reg.END - 4, 4)) == 4
     with pytest.raises(Refused, match=r"^access$"):
         one.servo.read(reg.END - 4, 5)
@@ -176,7 +176,7 @@ def test_several_registers_can_be_written_at_once(one: One) -> None:
 # Torque.
 
 
-def test_with_torque_it_goes_to_its_goal_over_several_turns(one: One) -> None:
+def test_with_torque_a_servo_moves_to_its_goal_over_several_turns(one: One) -> None:
     for goal in (CENTRE + 5 * reg.TURN + 7, -3 * reg.TURN - 11):
         one.put(reg.TORQUE_ENABLE, 0)
         one.turning(goal)
@@ -184,7 +184,7 @@ def test_with_torque_it_goes_to_its_goal_over_several_turns(one: One) -> None:
         assert one.get(reg.POSITION) == goal
 
 
-def test_without_torque_it_stays_and_keeps_the_goal_for_later(one: One) -> None:
+def test_without_torque_a_servo_stays_and_stores_the_goal(one: One) -> None:
     one.put(reg.GOAL_POSITION, 2500)
     one.wait(SETTLED_S)
     assert (one.get(reg.POSITION), one.get(reg.GOAL_POSITION)) == (CENTRE, 2500)
@@ -200,7 +200,7 @@ def test_a_homing_offset_is_added_to_the_position(one: One) -> None:
     assert one.get(reg.POSITION) == CENTRE
 
 
-def test_another_mode_forgets_whole_turns(one: One) -> None:
+def test_changing_the_mode_clears_whole_turns(one: One) -> None:
     one.turning(CENTRE + 3 * reg.TURN + 40)
     one.wait(SETTLED_S)
     one.put(reg.TORQUE_ENABLE, 0)
@@ -227,7 +227,7 @@ def test_indirect_data_are_the_registers_they_point_to(
     assert one.servo.read(reg.INDIRECT_DATA.address + first, size) == gathered
 
 
-def test_the_block_is_read_in_one_go(one: One) -> None:
+def test_the_register_block_is_read_in_one_transaction(one: One) -> None:
     one.servo.write(reg.INDIRECT_ADDRESS.address, pack("<19H", *reg.BLOCK_ADDRESSES))
     one.turning()
     one.put(reg.WATCHDOG, 20)

@@ -13,7 +13,7 @@ from endolock.scripts.runs.experiment import Experiment
 QUICK = ["compare", "--vision", "truth", "--duration-s", "1.5"]
 
 
-def test_every_law_meets_every_scenario_seed_and_latency(
+def test_every_controller_runs_on_every_scenario_seed_and_latency(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "all"
@@ -60,33 +60,33 @@ def test_all_is_checked_before_the_first_run(
     assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_a_dry_run_tells_where_each_value_comes_from(
+def test_a_dry_run_lists_the_source_of_each_value(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     args = ["run", "straight", "--latency-s", "0.25", "--seed", "3", "--dry-run", "--json", "-"]
     assert cli.main(args) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["scenario.camera.latency_s"] == {"value": 0.25, "source": "option"}
-    assert told["scenario.motion.0.travel_m"] == {"value": 0.13, "source": "file"}
-    assert told["scenario.camera.jitter_s"] == {"value": 0.0, "source": "default"}
-    assert told["run.seed"] == {"value": 3, "source": "option"}
-    assert told["run.controller"] == {"value": "pi", "source": "default"}
-    assert told["instrument.conduit_friction"] == {"value": 0.16, "source": "default"}
+    values = json.loads(capsys.readouterr().out)
+    assert values["scenario.camera.latency_s"] == {"value": 0.25, "source": "option"}
+    assert values["scenario.motion.0.travel_m"] == {"value": 0.13, "source": "file"}
+    assert values["scenario.camera.jitter_s"] == {"value": 0.0, "source": "default"}
+    assert values["run.seed"] == {"value": 3, "source": "option"}
+    assert values["run.controller"] == {"value": "pi", "source": "default"}
+    assert values["instrument.conduit_friction"] == {"value": 0.16, "source": "default"}
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_dry_run_of_nonsense_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_checks_the_experiment(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["run", "straight", "--duration-s", "-1", "--dry-run"]) == 2
     assert "duration_s: should be greater than 0" in capsys.readouterr().err
 
 
-def test_a_dry_run_says_what_the_run_folder_will_say(tmp_path: Path) -> None:
+def test_a_dry_run_prints_the_configuration_of_the_run_folder(tmp_path: Path) -> None:
     request = Experiment(scenario="circle", vision="truth", duration_s=0.1, out=tmp_path / "r")
-    told = dry_run.resolved(request)
-    assert told["scenario.duration_s"] == (0.1, "option")
+    values = dry_run.resolved(request)
+    assert values["scenario.duration_s"] == (0.1, "option")
     folder = request.run().folder
     text = (folder / "run.toml").read_text()
     for key in ("scenario.shaft_bend_deg", "instrument.slack_m", "numerics.hinges"):
         name = key.rsplit(".", 1)[1]
-        assert f"{name} = {told[key][0]}" in text
+        assert f"{name} = {values[key][0]}" in text

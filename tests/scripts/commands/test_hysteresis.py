@@ -21,7 +21,7 @@ from endolock.twin.pose_tracker import TwinPoseTracker
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a whole measurement of the default instrument, with what --json wrote."""
     out = tmp_path_factory.mktemp("hysteresis") / "run"
-    args = ["hysteresis", "--out", str(out), "--json", str(out.parent / "told.json")]
+    args = ["hysteresis", "--out", str(out), "--json", str(out.parent / "record.json")]
     assert cli.main(args) == 0
     return out
 
@@ -49,7 +49,7 @@ def test_the_width_is_the_calibrated_one_and_grows_with_the_shaft(folder: Path) 
 
 
 def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
-    record = json.loads((folder.parent / "told.json").read_text())
+    record = json.loads((folder.parent / "record.json").read_text())
     assert record == json.loads((folder / "hysteresis.json").read_text())
     ticks = run_folder.read(folder, "ticks").to_pylist()
     assert sum(row["tracked_pose"] is not None for row in ticks) > 0.99 * len(ticks)

@@ -144,7 +144,7 @@ def _without_load(rows: Rows) -> Rows:
         ),
     ],
 )
-def test_a_bad_log_gives_one_line_and_writes_no_file(
+def test_a_bad_log_gives_one_line_and_no_file(
     spoil: Callable[[Rows], Rows],
     message: str,
     tmp_path: Path,

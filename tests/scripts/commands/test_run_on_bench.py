@@ -71,10 +71,10 @@ def test_a_log_replays_through_the_drivers_that_wrote_it(
     assert cli.main([*args, "--out", str(out)]) == 0
     capsys.readouterr()
     assert cli.main(["bus", str(out), "--json", "-"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["requests_equal"]
-    assert told["positions_equal"] == told["ticks"] == 101
-    assert told["damaged"] == told["unanswered"] == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["requests_equal"]
+    assert result["positions_equal"] == result["ticks"] == 101
+    assert result["damaged"] == result["unanswered"] == 0
     assert cli.main(["bus", str(out), "--packets"]) == 0
     said = capsys.readouterr().out
     assert "> all goals 1: 2048, 2: 2048" in said
@@ -115,9 +115,9 @@ def test_a_fault_leaves_a_complete_folder(
     ticks = run_folder.read(out, "ticks")
     assert ticks["t"].to_pylist() == pytest.approx([0.02 * n for n in range(ticks.num_rows)])
     assert ticks["t"][-1].as_py() == pytest.approx(caught.value.t - 0.02)  # the tick before
-    told = bus_replay.replay(out)
-    assert told.requests_equal
-    assert told.positions_equal == ticks.num_rows
+    result = bus_replay.replay(out)
+    assert result.requests_equal
+    assert result.positions_equal == ticks.num_rows
 
 
 @pytest.fixture
@@ -152,10 +152,10 @@ def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
     ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
     assert ticks.num_rows > 10
     assert frames.num_rows > 5
-    told = bus_replay.replay(folder)
-    assert told.requests_equal
+    result = bus_replay.replay(folder)
+    assert result.requests_equal
     # The last cycles may not have reached the table, which is written with every frame.
-    assert told.positions_equal == ticks.num_rows
+    assert result.positions_equal == ticks.num_rows
     clock = WallClock()
     line = Bus(serial_port(emulator, 1_000_000), clock, NAMES)
     line.open()  # the kernel has let go of the port
@@ -173,7 +173,9 @@ def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
 
 
 @pytest.mark.wall_time
-def test_a_stopped_run_that_goes_on_ends_with_the_watchdog(emulator: Path, tmp_path: Path) -> None:
+def test_a_run_that_resumes_after_a_stop_ends_with_the_watchdog_fault(
+    emulator: Path, tmp_path: Path
+) -> None:
     if sys.platform == "win32":
         pytest.skip("Windows cannot stop a process")
     process, folder = _start(emulator, tmp_path)
@@ -187,7 +189,7 @@ def test_a_stopped_run_that_goes_on_ends_with_the_watchdog(emulator: Path, tmp_p
 
 
 @pytest.mark.wall_time
-def test_two_programs_on_one_port_do_not_meet(emulator: Path, tmp_path: Path) -> None:
+def test_two_programs_cannot_share_one_port(emulator: Path, tmp_path: Path) -> None:
     first = serial_port(emulator, 1_000_000)
     first.open()
     try:

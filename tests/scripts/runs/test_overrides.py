@@ -78,7 +78,7 @@ def test_a_file_with_an_unknown_section_is_refused(tmp_path: Path) -> None:
         apply(str(file))
 
 
-def test_gains_without_a_margin_need_force() -> None:
+def test_unstable_gains_need_force() -> None:
     request: dict[str, Any] = {"scenario": "straight", "vary": ("law.ki=4",), "vision": "truth"}
     with pytest.raises(ConfigError, match=r"pi is unstable .* gain margin 0\.\d+, above 1 needed"):
         Experiment(**request).resolve()

@@ -37,13 +37,13 @@ def test_rows_stand_for_ticks_and_frames(folder: Path) -> None:
 
 
 def test_the_configuration_says_what_was_run(folder: Path) -> None:
-    told = tomllib.loads((folder / "run.toml").read_text())
-    assert told["run"]["controller"] == "pi"
-    assert told["scenario"]["camera"]["latency_s"] == 0.4
-    assert told["scenario"]["duration_s"] == 1.5
-    assert told["instrument"]["slack_m"] == -0.00375
-    assert told["calibration"]["width"] == 640
-    assert set(run_folder.PACKAGES) < set(told["versions"])
+    configuration = tomllib.loads((folder / "run.toml").read_text())
+    assert configuration["run"]["controller"] == "pi"
+    assert configuration["scenario"]["camera"]["latency_s"] == 0.4
+    assert configuration["scenario"]["duration_s"] == 1.5
+    assert configuration["instrument"]["slack_m"] == -0.00375
+    assert configuration["calibration"]["width"] == 640
+    assert set(run_folder.PACKAGES) < set(configuration["versions"])
 
 
 @settings(max_examples=40)
@@ -63,7 +63,7 @@ def test_a_table_cut_anywhere_is_read_up_to_a_whole_row(
         assert len(cut) == len(full)
 
 
-def test_what_is_no_run_folder_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_other_folders_are_refused_as_run_folders(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no run in .*: ticks.arrows is missing; give a run"):
         run_folder.read(tmp_path, "ticks")
     (tmp_path / "ticks.arrows").write_bytes(b"nonsense that is no table")
@@ -148,7 +148,7 @@ def test_a_table_without_a_row_yet_is_empty(table: str, tmp_path: Path) -> None:
     assert len(run_folder.read(tmp_path, table)) == 0
 
 
-def test_a_table_in_the_place_of_another_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_a_table_under_the_name_of_another_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "ticks.arrows").write_bytes((folder / "frames.arrows").read_bytes())
     with pytest.raises(
         ConfigError, match=r"ticks.arrows is not a table of ticks; give a run folder"
@@ -156,7 +156,7 @@ def test_a_table_in_the_place_of_another_is_refused(folder: Path, tmp_path: Path
         run_folder.read(tmp_path, "ticks")
 
 
-def test_a_full_disk_is_said_in_one_line(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_in_one_line(tmp_path: Path) -> None:
     """A limit on the size of files stands for it."""
     code = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)); "

@@ -69,13 +69,13 @@ def test_twice_the_latency_is_better_than_a_tuned_pi_without_any(tmp_path: Path)
     assert late["error_px"]["rms"] < prompt["error_px"]["rms"]
 
 
-def test_close_by_it_stays_locked(tmp_path: Path) -> None:
+def test_at_a_short_distance_the_target_stays_locked(tmp_path: Path) -> None:
     scores = record("close", tmp_path)
     assert scores["error_px"]["rms"] <= 15.0
     assert scores["lost_fraction"] == 0.0
 
 
-def test_at_rest_it_rests(tmp_path: Path) -> None:
+def test_at_rest_error_and_handle_motion_are_small(tmp_path: Path) -> None:
     scores = record("rest", tmp_path, "markers")
     assert scores["error_px"]["rms"] <= 1.0
     assert scores["handle"]["reversals_per_s"] <= 0.5

@@ -79,7 +79,7 @@ def test_a_blurred_target_is_at_its_position_in_mid_exposure() -> None:
     assert np.abs(np.mean(off, axis=0)).max() < 0.1
 
 
-def test_a_picture_in_which_nothing_moves_by_a_pixel_is_drawn_once() -> None:
+def test_a_picture_with_motion_below_a_pixel_is_drawn_once() -> None:
     def picture(speed: float, parts: int) -> np.ndarray:
         jump = {"kind": "jump", "direction_deg": 0.0, "start_s": 0.0, "over_s": 1.0}
         camera = {"camera.exposure_s": 0.02, "camera.sub_exposures": parts}

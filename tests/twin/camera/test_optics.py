@@ -117,7 +117,7 @@ def test_light_of_the_tip_falls_with_the_square_of_the_distance() -> None:
     assert brightness(0.06) / brightness(0.12) == pytest.approx(4.0, rel=0.1)
 
 
-def test_a_back_lit_board_needs_no_other_light() -> None:
+def test_a_back_lit_board_is_visible_without_other_light() -> None:
     dark = {"light.room": 0.0, "light.tip": 0.0}
     for back, found in ((0.0, False), (1.0, True)):
         with Studio(scenario.load("rest", {**dark, "light.back": back})) as studio:

@@ -84,7 +84,7 @@ def test_reward_is_one_at_the_centre_and_a_half_at_half_error() -> None:
     assert rewards[-1] > 0
 
 
-def test_an_episode_is_the_run_with_the_same_commands() -> None:
+def test_an_episode_equals_the_run_with_the_same_commands() -> None:
     late = _load("straight", jitter_s=0.03, drop_fraction=0.2)
     with TwinRig(late, pictures=False, seed=4) as rig:
         rig.clock.sleep_until(0.0)
@@ -113,7 +113,7 @@ def test_one_seed_and_the_same_actions_give_the_same_episodes(pixels: bool) -> N
     assert two(8)[0] != first
 
 
-def test_the_present_is_not_observed() -> None:
+def test_the_current_target_is_not_observed() -> None:
     # Until the first frame arrives, two targets at different positions must look the same.
     steps = {}
     for name in ("rest", "circle"):

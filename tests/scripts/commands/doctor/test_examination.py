@@ -20,14 +20,14 @@ from endolock.scripts.commands.doctor.finding import Finding
 NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "video", "versions"]
 
 
-def test_all_is_well_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_passes_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "doctor.json"
     code = examination.main(examination.Request(json=str(target)))
-    told, printed = json.loads(target.read_text()), capsys.readouterr().out
-    assert [check for check in told["checks"] if not check["ok"]] == []
+    report, printed = json.loads(target.read_text()), capsys.readouterr().out
+    assert [check for check in report["checks"] if not check["ok"]] == []
     assert code == 0
-    assert told["ok"] is True
-    checks = {check["name"]: check for check in told["checks"]}
+    assert report["ok"] is True
+    checks = {check["name"]: check for check in report["checks"]}
     assert list(checks) == NAMES
     assert all(set(check) == {"name", "ok", "text", "advice"} for check in checks.values())
     assert not any(check["advice"] for check in checks.values())
@@ -53,15 +53,15 @@ def test_a_picture_that_cannot_be_drawn_is_a_red_line() -> None:
     assert "-> unset MUJOCO_GL and MUJOCO_EGL_DEVICE_ID, or apt install" in done.stdout
 
 
-def test_json_on_standard_output_is_alone_there() -> None:
+def test_with_json_nothing_else_is_on_standard_output() -> None:
     environment = {**os.environ, "MUJOCO_GL": "egl", "MUJOCO_EGL_DEVICE_ID": "99"}
     done = _doctor("doctor.Request(json='-')", environment)
     assert done.returncode == 2
-    told = json.loads(done.stdout)
-    assert told["ok"] is False
-    assert [check["name"] for check in told["checks"]] == NAMES
-    assert {c["name"] for c in told["checks"] if not c["ok"]} == {"picture", "opencv"}
-    assert all(bool(check["advice"]) != check["ok"] for check in told["checks"])
+    report = json.loads(done.stdout)
+    assert report["ok"] is False
+    assert [check["name"] for check in report["checks"]] == NAMES
+    assert {c["name"] for c in report["checks"] if not c["ok"]} == {"picture", "opencv"}
+    assert all(bool(check["advice"]) != check["ok"] for check in report["checks"])
 
 
 def test_mujoco_that_cannot_be_loaded_is_a_red_line() -> None:
@@ -75,13 +75,13 @@ def test_mujoco_that_cannot_be_loaded_is_a_red_line() -> None:
     )
 
 
-def test_json_that_cannot_be_written_is_refused_before_anything_is_tried(tmp_path: Path) -> None:
+def test_json_that_cannot_be_written_is_refused_first(tmp_path: Path) -> None:
     target = tmp_path / "nowhere" / "doctor.json"
     with pytest.raises(ConfigError, match=r"cannot write .*doctor\.json; give --json a file"):
         examination.main(examination.Request(json=str(target)))
 
 
-def test_a_list_that_differs_from_what_is_installed_is_reported(tmp_path: Path) -> None:
+def test_a_version_that_differs_from_the_list_is_reported(tmp_path: Path) -> None:
     listed = tmp_path / "requirements.txt"
     rich = version("rich")
     listed.write_text(
@@ -103,7 +103,7 @@ def test_a_list_that_differs_from_what_is_installed_is_reported(tmp_path: Path) 
     )
 
 
-def test_without_the_list_there_is_nothing_to_compare(tmp_path: Path) -> None:
+def test_without_the_version_list_nothing_is_compared(tmp_path: Path) -> None:
     finding = examination.versions(tmp_path / "requirements.txt")
     assert finding.ok
     assert finding.text == "not a source checkout, nothing to compare"
@@ -144,10 +144,10 @@ def test_the_table_keeps_every_word_within_80_columns() -> None:
         console.print(examination.table([Finding("serial", False, text, "join [dialout]")]))
     lines = capture.get().splitlines()
     assert all(len(line) <= 80 for line in lines)
-    told = "".join(line[len("serial  FAILS  ") :].strip() for line in lines)
-    assert told.count("x") == 100
-    assert "[Errno 13] permission denied:" in told
-    assert told.endswith("-> join [dialout]")
+    report = "".join(line[len("serial  FAILS  ") :].strip() for line in lines)
+    assert report.count("x") == 100
+    assert "[Errno 13] permission denied:" in report
+    assert report.endswith("-> join [dialout]")
 
 
 def _doctor(request: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:

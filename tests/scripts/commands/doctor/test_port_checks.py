@@ -94,7 +94,7 @@ def opened(path: str) -> Iterator[Port]:
 
 
 CLOSED = serial_port("nowhere", 1_000_000)
-"""Whoever asks something of it raises."""
+"""A port that was never opened: every call raises."""
 
 
 def red(findings: Sequence[Finding]) -> list[str]:
@@ -105,7 +105,7 @@ def red(findings: Sequence[Finding]) -> list[str]:
 # ---- ports that are not opened
 
 
-def test_serial_ports_are_named_once_and_by_what_is_plugged_in(tmp_path: Path) -> None:
+def test_serial_ports_are_listed_once_by_the_name_of_their_device(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB0").touch()
     (tmp_path / "ttyACM1").touch()
     by_id = tmp_path / "serial" / "by-id"
@@ -145,10 +145,10 @@ def test_a_port_that_may_not_be_opened_names_the_group_to_join() -> None:
     assert port_checks.ports({}, {}, {}).text == "none; the twin needs none"
 
 
-# ---- what is told of a port and of motors
+# ---- what doctor reports about a port and motors
 
 
-def test_motors_as_sold_are_red_and_green_once_set_up(
+def test_motors_with_factory_settings_fail_until_set_up(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = servo(1, 0.31, baud=57_600), servo(2, -0.17, baud=57_600)
@@ -191,9 +191,9 @@ def test_motors_as_sold_are_red_and_green_once_set_up(
         assert examination.main(examination.Request(port=served.path, set_up=True, json="-")) == 0
         printed = capsys.readouterr()
         assert "the endoscope must be straight now; Ctrl-C if it is not" in printed.err
-        told = json.loads(printed.out)
-        assert told["ok"] is True
-        checks = {check["name"]: check["text"] for check in told["checks"]}
+        report = json.loads(printed.out)
+        assert report["ok"] is True
+        checks = {check["name"]: check["text"] for check in report["checks"]}
         assert list(checks)[-len(NAMES) - 3 :] == ["versions", "port", "set-up", *NAMES]
         assert checks["set-up"] == (
             "1: return delay 250 -> 0, baud 57600 -> 1000000; 2: return delay 250 -> 0, drive mode "
@@ -214,7 +214,7 @@ def test_motors_as_sold_are_red_and_green_once_set_up(
             assert state.position == pytest.approx((0.0, 0.0), abs=STEP_RAD)  # straight is zero
 
 
-def test_looking_asks_and_changes_nothing() -> None:
+def test_looking_for_motors_only_reads() -> None:
     servos = servo(1, baud=57_600), servo(2, baud=1_000_000)
     servos[1].write(reg.TORQUE_ENABLE.address, b"\x01")
     before = [bytes(s._table[: reg.TICK.address]) for s in servos]  # above, it measures itself
@@ -357,7 +357,7 @@ def test_the_persistent_name_of_a_port_is_preferred(tmp_path: Path) -> None:
         assert port(tmp_path / "usb-FTDI") == f"{tmp_path}/usb-FTDI opened"
 
 
-def test_a_port_that_another_program_has_is_a_red_row() -> None:
+def test_a_port_in_use_by_another_program_is_a_red_row() -> None:
     with Served() as served:
         other = serial_port(served.path, 1_000_000)
         other.open()
@@ -395,8 +395,8 @@ def test_a_port_unplugged_during_the_search_is_a_red_row() -> None:
     with Served(servo(1)) as served:
         path = served.path
 
-        def unplug(told: str) -> None:
-            if told == "motors at 115200 baud":
+        def unplug(step: str) -> None:
+            if step == "motors at 115200 baud":
                 served.pull.set()
 
         findings = port_checks.examine(path, unplug, searches_s=SHORT)
@@ -417,7 +417,7 @@ def test_a_port_unplugged_during_the_search_is_a_red_row() -> None:
     ("ids", "text"),
     [((), "0 motors where"), ((4,), "1 motors (4) where"), ((1, 2, 9), "3 motors (1, 2, 9) where")],
 )
-def test_other_than_two_motors_are_not_set_up(ids: tuple[int, ...], text: str) -> None:
+def test_only_two_motors_are_set_up(ids: tuple[int, ...], text: str) -> None:
     motors = [dataclasses.replace(GOOD, id=device) for device in ids]
     assert set_up(CLOSED, *motors) == Finding(
         "set-up",
@@ -436,7 +436,7 @@ def test_a_motor_of_another_kind_is_not_set_up() -> None:
     )
 
 
-def test_a_set_up_that_is_refused_writes_nothing() -> None:
+def test_a_refused_set_up_writes_nothing() -> None:
     with Served(servo(5)) as served, opened(served.path) as line:
         motor = motor_checks.read(line, 5, 1_000_000)
         assert not set_up(line, motor).ok
@@ -444,7 +444,7 @@ def test_a_set_up_that_is_refused_writes_nothing() -> None:
     assert not bench_file.DEFAULT_FILE.exists()
 
 
-def test_what_a_killed_program_left_is_put_right_and_no_more() -> None:
+def test_only_the_leftovers_of_a_killed_program_are_repaired() -> None:
     servos = servo(1), servo(3)
     for s in servos:
         s.write(reg.RETURN_DELAY.address, b"\x00")
@@ -463,7 +463,7 @@ def test_what_a_killed_program_left_is_put_right_and_no_more() -> None:
     assert red(motor_checks.judge(motors, served.path)) == []
 
 
-def test_a_motor_that_does_not_come_back_is_an_error() -> None:
+def test_a_motor_that_does_not_return_after_a_reboot_is_an_error() -> None:
     servos = servo(1), servo(2)
     servos[1].reboot_s = 1e9
     with Served(*servos) as served, opened(served.path) as line:
@@ -477,7 +477,7 @@ def test_a_motor_that_does_not_come_back_is_an_error() -> None:
     assert not bench_file.DEFAULT_FILE.exists()
 
 
-def test_set_up_wants_a_port_and_no_bench_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_set_up_needs_a_port_and_no_bench_file(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match=r"^--set-up goes with --port PORT; say on which port"):
         examination.main(examination.Request(set_up=True))
     bench_file.DEFAULT_FILE.touch()
