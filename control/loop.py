@@ -1,4 +1,4 @@
-"""Runs a rig, its eyes and a controller together: the only place where frames meet commands."""
+"""Runs a rig, its eyes and a controller together: turns frames into commands."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
             whole run.
 
     Returns:
-        The scores. On a bench, which knows no truth, the true errors are None; the error of vision
+        The scores. On a bench, which has no truth, the true errors are None; the error of vision
         is then measured against the markers around a target that was followed without them.
     """
     begin = scored_from_s - 1e-9 + (run.ticks[0].t if run.ticks else 0.0)

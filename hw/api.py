@@ -1,6 +1,6 @@
 """The interface between controllers and what turns the handles: a twin, an emulator or a bench.
 
-Time belongs to a `Clock`: whoever calls `sleep_until` makes the world advance, so nothing here has
+Time belongs to a `Clock`: calling `sleep_until` makes the world advance, so nothing here has
 a `step()`. Everything is SI; axes are always (up_down, left_right), pixels (u right, v down).
 Frames of reference: *base* is the tip camera at rest in OpenCV axes (x right, y down, z distal);
 *board* has x right and y down on its printed face and z into the board, so that a board seen

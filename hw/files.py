@@ -133,17 +133,17 @@ def first_problem(
 
     Args:
         error: what pydantic found.
-        keys: lists the keys that may stand at a place, such as () or ("camera",).
+        keys: lists the keys that are allowed in a section, such as () or ("camera",).
         elsewhere: keys of other sections, with their full names there; one of these is proposed
-            for an unknown key that resembles none of its own section, or that stands above all
-            sections with exactly that name.
+            for an unknown key that resembles no key of its own section, or that is at the top
+            level and has exactly that name.
     """
     problem = min(error.errors(), key=lambda found: found["type"] not in _UNKNOWN)
-    place = tuple(str(part) for part in problem["loc"])
-    where = ".".join(place)
+    path = tuple(str(part) for part in problem["loc"])
+    where = ".".join(path)
     if problem["type"] in _UNKNOWN:
-        *section, name = place
-        known, others = keys(place[:-1]), elsewhere or {}
+        *section, name = path
+        known, others = keys(path[:-1]), elsewhere or {}
         exact = [others[name]] if name in others and not section else []
         near = [".".join((*section, key)) for key in get_close_matches(name, known, 1)]
         far = [others[key] for key in get_close_matches(name, others, 1)]

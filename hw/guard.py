@@ -122,7 +122,7 @@ class Guard(Connecting):
                 self._goal = self._limited = self._commanded = self._drive.quantise(
                     reading.position
                 )
-                # The goal is in place before torque comes on.
+                # The goal is written before torque comes on.
                 self._drive.transfer(self._goal)
                 self._drive.torque(True)
         except HardwareError as fault:
@@ -322,7 +322,7 @@ class Guard(Connecting):
         try:
             self._goal = self._drive.hold() or self._goal
         except HardwareError as second:
-            add_second(fault, "and the handles could not be told to hold", second)
+            add_second(fault, "and the command to hold failed", second)
 
     def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
         state = State(

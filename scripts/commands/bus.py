@@ -21,7 +21,7 @@ class Request:
     packets: bool = False
     """Print every packet as well."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
-    """Write the result there as JSON; - prints it, and nothing else, on standard output."""
+    """Write the result to this file as JSON; - prints only the JSON on standard output."""
 
 
 def main(request: Request) -> int:

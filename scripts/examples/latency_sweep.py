@@ -9,5 +9,5 @@ for latency_s in (0.0, 0.2, 0.4):
         camera = rig.camera.calibration
         result = run(rig, TruthEyes(rig.truth), PI(camera), duration_s=4)
         error = score(result, camera, scored_from_s=0).error_px
-        assert error is not None  # it is on a bench, which knows no truth
+        assert error is not None  # only None on a bench, which has no truth
     print(f"{latency_s:.1f} s: rms {error.rms:.1f} px, max {error.max:.1f} px")

@@ -40,8 +40,8 @@ def draw(records: Sequence[RunRecord], path: Path) -> Path:
         panel.set_ylim(bottom=0)
         panel.margins(x=0)
         panel.grid(alpha=0.3)
-        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
-        panel.legend(ncols=len(laws_used), frameon=False, **place)
+        position = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+        panel.legend(ncols=len(laws_used), frameon=False, **position)
     panels[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=130)
     return path

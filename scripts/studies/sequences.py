@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Image
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.world import scenario as scenarios
 from endolock.vision.grey import grey_of
 
@@ -72,22 +72,22 @@ def moving(
     """
     loaded = scenarios.load("rest", {"board.kind": board, **(HARD if hard else {})})
 
-    def place(t: float) -> Place:
+    def pose(t: float) -> BoardPose:
         if path == "line":
             x, y = 0.04 * sin(tau * t / 8.6), 0.0
         else:
             x, y = 0.035 * cos(tau * t / 10), 0.035 * sin(tau * t / 10)
         if not hard:
-            return Place((x, y, DISTANCE_M))
+            return BoardPose((x, y, DISTANCE_M))
         x += 0.0055 * sin(tau * 1.7 * t) + 0.0045 * sin(tau * 2.9 * t)
         y += 0.0065 * sin(tau * 2.1 * t + 1)
-        return Place((x, y, DISTANCE_M * (1 + 0.17 * sin(tau * t / 7))))
+        return BoardPose((x, y, DISTANCE_M * (1 + 0.17 * sin(tau * t / 7))))
 
     moments = (-0.008, -0.004, 0.0, 0.004, 0.008) if hard else (0.0,)
     with Studio(loaded) as studio:
         for n in range(frames):
             t = n / RATE_HZ
-            still = studio.take(*(place(t + moment) for moment in moments), t=t)
+            still = studio.take(*(pose(t + moment) for moment in moments), t=t)
             grey = _grey(still.frame.image)
             if hard:
                 gain = 0.75 + 0.25 * sin(tau * t / 3)
@@ -124,7 +124,7 @@ def occluded(kind: Occlusion, frames: int = 200) -> Iterator[LabelledPicture]:
         centre, focal_px = np.array(studio.calibration.centre_px), studio.calibration.focal_px
         for n in range(frames):
             t = n / RATE_HZ
-            still = studio.take(Place((*board(t), DISTANCE_M)), t=t)
+            still = studio.take(BoardPose((*board(t), DISTANCE_M)), t=t)
             x, y, depth = loaded.occluder[0].position(t)
             middle = centre + focal_px * np.array([x, y]) / depth
             half = focal_px * np.array(PLATE_M) / 2 / depth

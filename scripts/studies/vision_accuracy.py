@@ -13,7 +13,7 @@ import numpy as np
 from endolock.control.rms import rms
 from endolock.hw.api import Image
 from endolock.scripts.studies import sequences
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.world import scenario as scenarios
 from endolock.vision.feature_tracker import FeatureTracker
 from endolock.vision.marker_eyes import MarkerEyes
@@ -117,8 +117,8 @@ def markers(
             tilt = tilt if tilt_deg is None else tilt_deg
             length = blur_px * distance_m / studio.calibration.focal_px
             shifts = np.linspace(-0.5, 0.5, 9 if blur_px else 1) * length if blur_px else [0.0]
-            places = [Place((x + s, y, distance_m), tilt, axis, roll) for s in shifts]
-            still = studio.take(*places)
+            blurred = [BoardPose((x + s, y, distance_m), tilt, axis, roll) for s in shifts]
+            still = studio.take(*blurred)
             start = time.perf_counter()
             _, fit = eyes.look(still.frame)
             taken.append(time.perf_counter() - start)

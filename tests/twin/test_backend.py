@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 import endolock
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.world import scenario
 
 
@@ -22,7 +22,7 @@ def egl_is_current() -> bool:
 
 def test_in_ci_pictures_are_rendered_with_egl() -> None:
     with Studio(scenario.load("rest")) as studio:
-        image = studio.take(Place((0.0, 0.0, 0.12))).frame.image
+        image = studio.take(BoardPose((0.0, 0.0, 0.12))).frame.image
         assert image is not None
         assert np.std(image) > 10  # it shows the board
         assert egl_is_current() or not os.environ.get("CI")

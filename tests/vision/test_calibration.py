@@ -9,7 +9,7 @@ import pytest
 
 from endolock.hw.api import Calibration, ConfigError
 from endolock.hw.camera import camera_file
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.world import scenario
 from endolock.vision import calibration
 from endolock.vision.detector import Marker, MarkerDetector
@@ -99,7 +99,7 @@ def _views(
             distance = random.uniform(0.05, 0.12)
             x, y = random.uniform([-0.4, -0.3], [0.4, 0.3]) * distance
             tilt, axis, roll = random.uniform([-tilt_deg, 0, -40], [tilt_deg + 0.1, 180, 40])
-            still = studio.take(Place((x, y, distance), tilt, axis, roll))
+            still = studio.take(BoardPose((x, y, distance), tilt, axis, roll))
             assert still.frame.image is not None
             views.append(detect(smoothed(grey_of(still.frame.image))))
         return replace(studio.calibration), studio.board, views

@@ -22,7 +22,7 @@ from endolock.twin.world.scenario import Scenario
 from endolock.vision import camera_model
 
 
-class Place(NamedTuple):
+class BoardPose(NamedTuple):
     """Pose of a board in camera axes."""
 
     position: tuple[float, float, float]
@@ -68,18 +68,18 @@ class Studio(Closing):
         self._renderer = renderer.Renderer(model)
         self._taken = 0
 
-    def take(self, *places: Place, t: float = 0.0) -> BoardStill:
+    def take(self, *poses: BoardPose, t: float = 0.0) -> BoardStill:
         """Take one still.
 
         Args:
-            places: pose of the board; several are averaged over one exposure, and the truth
+            poses: pose of the board; several are averaged over one exposure, and the truth
                 is that of the middle one.
             t: time of the still [s], at which the occluders are placed.
         """
-        pictures = [self._draw(place, t).copy() for place in places]
-        place = places[len(places) // 2]
+        pictures = [self._draw(pose, t).copy() for pose in poses]
+        pose = poses[len(poses) // 2]
         target = np.array([*self.board.target, 0.0])
-        point = place.position + _rotation(place) @ target
+        point = pose.position + _rotation(pose) @ target
         frame = Frame(
             image=self._optics.develop(pictures),
             t_capture=t,
@@ -94,19 +94,19 @@ class Studio(Closing):
         """Release the OpenGL context."""
         self._renderer.close()
 
-    def _draw(self, place: Place, t: float) -> Image:
-        points = [place.position, *(plate.position(t) for plate in self._plates)]
+    def _draw(self, pose: BoardPose, t: float) -> Image:
+        points = [pose.position, *(plate.position(t) for plate in self._plates)]
         data = self._data
         data.mocap_pos[self._bodies] = self._origin + points @ scene.WORLD_FROM_BASE.T
-        data.mocap_quat[self._bodies[0]] = scene.board_quaternion(_rotation(place))
+        data.mocap_quat[self._bodies[0]] = scene.board_quaternion(_rotation(pose))
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
         return self._renderer.draw(data, self._index, self._shot.width, self._shot.height)
 
 
-def _rotation(place: Place) -> Vector:
+def _rotation(pose: BoardPose) -> Vector:
     """Camera_from_board, 3x3."""
-    axis, tilt, roll = (radians(a) for a in (place.axis_deg, place.tilt_deg, place.roll_deg))
+    axis, tilt, roll = (radians(a) for a in (pose.axis_deg, pose.tilt_deg, pose.roll_deg))
     tilted = rotation.to_matrix(rotation.about((cos(axis), -sin(axis), 0.0), tilt))
     turned: Vector = tilted @ rotation.matrix_about_z(roll)
     return turned

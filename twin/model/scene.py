@@ -21,7 +21,7 @@ TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_ce
 """Textures of the board, its middle and the wall, relative to scene.xml."""
 WALL_M = 3.0
 WALL_TILE_M = 0.20
-"""Side of the wall, and of the tissue texture that repeats on it [m]. Assumed."""
+"""Side length of the wall, and of the tissue texture that repeats on it [m]. Assumed."""
 FACETS = 24
 """Cells per side of board and wall where light falls off: it is computed at their corners."""
 TIP_LIGHT_M = 0.05
@@ -110,8 +110,8 @@ def add_scene(
     world = spec.worldbody
     front = [0.0, -1.0, 0.0, 0.0, 0.0, 1.0]  # x right, y up, normal towards the camera
     for name, behind in (("wall", WALL_DISTANCE_M), ("target", 0.0)):
-        place = camera + [REST_DISTANCE_M + behind, 0.0, 0.0]
-        body = world.add_body(name=name, pos=place, mocap=not behind)
+        position = camera + [REST_DISTANCE_M + behind, 0.0, 0.0]
+        body = world.add_body(name=name, pos=position, mocap=not behind)
         body.alt.type, body.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
     half, middle = board.size_m / 2, drawing.CENTRE_M / 2
     tiles = WALL_M / WALL_TILE_M
@@ -123,8 +123,8 @@ def add_scene(
     target.add_site(name="target", pos=[x, -y, 0.0], size=[0.001, 0.001, 0.001], group=4)
 
     for n, plate in enumerate(occluders, 1):
-        place = camera + [REST_DISTANCE_M / 2, 0.0, 0.0]
-        body = world.add_body(name=f"occluder_{n}", pos=place, mocap=True)
+        position = camera + [REST_DISTANCE_M / 2, 0.0, 0.0]
+        body = world.add_body(name=f"occluder_{n}", pos=position, mocap=True)
         body.alt.type, body.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
         _add_plate(spec, f"occluder_{n}", plate)
 

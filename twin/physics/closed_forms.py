@@ -128,16 +128,16 @@ def static_hinges(
 
     def weight_moments(q: Vector) -> Vector:
         """Return the moments of the weight about the hinges [N m]."""
-        rotation, place = np.eye(3), np.array([h / 2, 0.0, 0.0])
+        rotation, position = np.eye(3), np.array([h / 2, 0.0, 0.0])
         pivots, turned, centres = [], [], []
         for n in range(hinges):
             turned.append(rotation @ axes[n])
-            pivots.append(place)
+            pivots.append(position)
             rotation = rotation @ Rotation.from_rotvec(q[n] * axes[n]).as_matrix()
-            centres.append(place + rotation @ [h / 2, 0.0, 0.0])
-            place = place + rotation @ [h, 0.0, 0.0]
+            centres.append(position + rotation @ [h / 2, 0.0, 0.0])
+            position = position + rotation @ [h, 0.0, 0.0]
         # the tip's weight lies midway between the ends of its cylinder, see section.py
-        end = place - rotation @ [h / 2, 0.0, 0.0]
+        end = position - rotation @ [h / 2, 0.0, 0.0]
         centres.append(end + rotation @ [(0.4 * h + instrument.rigid_tip_m - 0.001) / 2, 0.0, 0.0])
         weight = np.append(mass, instrument.tip_mass_kg)[:, None] * DOWN
         return np.array(

@@ -147,9 +147,9 @@ class TwinPlant:
         return float((across / np.einsum("...i,...i", rays, rays)).max())
 
     def draw_board(self) -> None:
-        """Place board, occluders, cameras and lights at their present poses, for rendering."""
-        places = [self.board_position(), *self.course.occluders(self.t)]
-        self.data.mocap_pos[self._moving] = self._origin + places @ scene.WORLD_FROM_BASE.T
+        """Move board, occluders, cameras and lights to their current poses, for rendering."""
+        positions = [self.board_position(), *self.course.occluders(self.t)]
+        self.data.mocap_pos[self._moving] = self._origin + positions @ scene.WORLD_FROM_BASE.T
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
@@ -197,8 +197,8 @@ class TwinPlant:
         """
         self._update()
         tip = self.data.xmat[self._tip].reshape(3, 3)
-        place = self._with_camera(self.data.xpos[[self._tip]], tip)[-1]
-        return _pose(self.t, place, _in_camera_axes(tip))
+        position = self._with_camera(self.data.xpos[[self._tip]], tip)[-1]
+        return _pose(self.t, position, _in_camera_axes(tip))
 
     def _update(self) -> None:
         if self._current_at != self.step_count:

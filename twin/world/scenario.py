@@ -113,14 +113,14 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
         raise ConfigError(f"scenario {name}: unknown key name", "the file's name is the scenario's")
     for key, value in (overrides or {}).items():
         *sections, last = key.split(".")
-        place = values
+        table = values
         for section in sections:
-            place = place.setdefault(section, {})
-            if not isinstance(place, dict):
+            table = table.setdefault(section, {})
+            if not isinstance(table, dict):
                 raise ConfigError(
                     f"scenario {source}: {section} is not a section", f"write [{section}]"
                 )
-        place[last] = value
+        table[last] = value
     try:
         return Scenario.model_validate({**values, "name": name})
     except ValidationError as error:
@@ -133,7 +133,7 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
 def sources(
     source: str | Path | Scenario, overrides: Mapping[str, Any]
 ) -> dict[str, tuple[Any, str]]:
-    """Tell where each value of a scenario comes from.
+    """Return the source of each value of a scenario.
 
     Args:
         source: as for `load`.
@@ -171,9 +171,9 @@ def _flat(values: Any, prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _keys(place: tuple[str, ...]) -> list[str]:
+def _keys(path: tuple[str, ...]) -> list[str]:
     """List the keys that are allowed in a section of a scenario file."""
     model: type[BaseModel] = Scenario
-    for part in place:
+    for part in path:
         model = {**SECTIONS, **LISTS, **KINDS}.get(part, model)
     return [key for key in model.model_fields if key != "name"]

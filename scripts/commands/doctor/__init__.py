@@ -1,1 +1,1 @@
-"""`endolock doctor`: does everything work here."""
+"""`endolock doctor`: checks of the installation and of a bench."""

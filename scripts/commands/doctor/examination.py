@@ -98,7 +98,7 @@ def examine(console: Console, request: Request) -> list[Finding]:
         ("mujoco", mujoco_, f"{OPENGL}; or {ALL}"),
         ("picture", lambda: picture(sights), f"{OPENGL}; until then: --vision truth"),
         ("opencv", lambda: opencv(sights), ALL),
-        ("rerun", rerun_, f"{ALL}; see that {tempfile.gettempdir()} is writable"),
+        ("rerun", rerun_, f"{ALL}; make {tempfile.gettempdir()} writable"),
         ("disk", disk, "change to a folder that you may write to"),
         ("serial", serial, "look at ls -l /dev/serial/by-id"),
         ("video", video, ALL),
@@ -128,10 +128,10 @@ def attempt(name: str, check: Callable[[], Finding], advice: str) -> Finding:
 
 def python() -> Finding:
     """Compare this Python with the required version; name the platform."""
-    wanted = SpecifierSet(metadata_of("endolock")["Requires-Python"])
-    ok = wanted.contains(platform.python_version(), prereleases=True)
+    required = SpecifierSet(metadata_of("endolock")["Requires-Python"])
+    ok = required.contains(platform.python_version(), prereleases=True)
     text = f"{platform.python_version()}, {platform.platform(terse=True)}"
-    return Finding("python", ok, text, "" if ok else f"install Python {wanted}")
+    return Finding("python", ok, text, "" if ok else f"install Python {required}")
 
 
 def mujoco_() -> Finding:
@@ -253,14 +253,14 @@ def serial() -> Finding:
     return port_checks.serial()
 
 
-def motors(port: str, set_up: bool, tell: Callable[[str], None]) -> list[Finding]:
+def motors(port: str, set_up: bool, report: Callable[[str], None]) -> list[Finding]:
     """Open a serial port and look at the motors on it, or set them up."""
     try:
         from endolock.scripts.commands.doctor import motor_setup, port_checks
     except ModuleNotFoundError as error:
         return [Finding("port", False, str(error), ALL)]
     change = motor_setup.set_up if set_up else None
-    return port_checks.examine(port, tell, change=change)
+    return port_checks.examine(port, report, change=change)
 
 
 def versions(listed: Path = LISTED) -> Finding:
@@ -268,8 +268,8 @@ def versions(listed: Path = LISTED) -> Finding:
     if not listed.is_file():
         return Finding("versions", True, "not a source checkout, nothing to compare")
     lines = (line.partition("#")[0].strip() for line in listed.read_text("utf-8").splitlines())
-    wanted = [Requirement(line) for line in lines if line and not line.startswith("-")]
-    here = [r for r in wanted if r.marker is None or r.marker.evaluate()]
+    listed_versions = [Requirement(line) for line in lines if line and not line.startswith("-")]
+    here = [r for r in listed_versions if r.marker is None or r.marker.evaluate()]
     wrong = []
     for requirement in here:
         try:
@@ -292,15 +292,15 @@ def table(findings: list[Finding]) -> Table:
     result.add_column(overflow="fold")
     for f in findings:
         word = Text("ok", style="green") if f.ok else Text("FAILS", style="bold red")
-        told = Text(" ".join(f.text.split()))  # texts of others hold brackets and line breaks
+        text = Text(" ".join(f.text.split()))  # foreign messages contain brackets and line breaks
         if f.advice:
-            told.append(f"\n-> {f.advice}", style="bold")
-        result.add_row(f.name, word, told)
+            text.append(f"\n-> {f.advice}", style="bold")
+        result.add_row(f.name, word, text)
     return result
 
 
 def _upgrade(name: str, got: str) -> str:
     """Return how to install the required version of a package; "" if `got` is one."""
-    wanted = next(r for r in map(Requirement, requires("endolock") or ()) if r.name == name)
-    fits = wanted.specifier.contains(got, prereleases=True)
-    return "" if fits else f"{PIP} '{wanted}'"
+    required = next(r for r in map(Requirement, requires("endolock") or ()) if r.name == name)
+    fits = required.specifier.contains(got, prereleases=True)
+    return "" if fits else f"{PIP} '{required}'"

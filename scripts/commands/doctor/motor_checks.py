@@ -37,7 +37,7 @@ MODELS = {
 XL430 and XC430 do not. Those of the size 330 have their indirect data elsewhere. Source:
 e-Manual."""
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 """Called with the present step."""
 
 
@@ -79,23 +79,23 @@ def refused(name: str, error: EndolockError, advice: str = "") -> Finding:
     return Finding(name, False, error.what, step)
 
 
-def look(line: Port, tell: Tell, searches_s: Sequence[float] = SEARCHES_S) -> list[FoundMotor]:
+def look(line: Port, report: Report, searches_s: Sequence[float] = SEARCHES_S) -> list[FoundMotor]:
     """Find all motors on an open port, at every baud rate, and read them.
 
     Raises:
         ConfigError: motors share an id.
         LinkError: a motor that was found no longer answers, or the port was unplugged.
     """
-    places = _search(line, tell, searches_s)
-    times = Counter(device for device, _ in places)
-    for device, baud in places:
+    addresses = _search(line, report, searches_s)
+    times = Counter(device for device, _ in addresses)
+    for device, baud in addresses:
         if times[device] > 1 or _crowded(line, device, baud):
             raise ConfigError(
                 f"answers with the id {device} come twice or damaged: several motors have it, or "
                 "the cable is bad",
                 "connect one motor alone, give it another id (docs/bench.md), then connect both",
             )
-    return sorted((read(line, *place) for place in places), key=lambda motor: motor.id)
+    return sorted((read(line, *address) for address in addresses), key=lambda motor: motor.id)
 
 
 def read(line: Port, device: int, baud: int) -> FoundMotor:
@@ -129,7 +129,7 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
             "new ones have, connect one alone and give it another (docs/bench.md)"
         )
         return [Finding("motors", False, text, advice)]
-    told = [f"{m.id} ({m.name}, firmware {m.firmware}, {m.baud} baud)" for m in motors]
+    listed = [f"{m.id} ({m.name}, firmware {m.firmware}, {m.baud} baud)" for m in motors]
     advice = ""
     if strange := [m.name for m in motors if m.model not in MODELS]:
         advice = (
@@ -140,7 +140,7 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
     cure = (
         f"{away}straighten the endoscope, then endolock doctor --port {shlex.quote(path)} --set-up"
     )
-    rows = [Finding("motors", not strange, ", ".join(told), advice)]
+    rows = [Finding("motors", not strange, ", ".join(listed), advice)]
     for check in CHECKS:
         bad = any(check.bad(m) for m in motors)
         values = ", ".join(f"{m.id}: {check.value(m)}" for m in motors)
@@ -160,12 +160,12 @@ class MotorCheck(NamedTuple):
 
 
 def _errors(motor: FoundMotor) -> str:
-    told = [
+    latched = [
         f"{what} ({kind}): {first}"
         for bit, (kind, what, first) in reg.HARDWARE_ERRORS.items()
         if motor.hardware_error & bit
     ]
-    return ", ".join(told) or (hex(motor.hardware_error) if motor.hardware_error else "none")
+    return ", ".join(latched) or (hex(motor.hardware_error) if motor.hardware_error else "none")
 
 
 def _watchdog(motor: FoundMotor) -> str:
@@ -236,27 +236,27 @@ def _bench(motors: Sequence[FoundMotor], cure: str) -> Finding:
     except ConfigError as error:
         return refused("bench", error)
     there = {m.id: m.baud for m in motors}
-    wanted = {handle.id: axis for axis, handle in bench.handles.items()}
-    told = ", ".join(f"{axis} {device}" for device, axis in wanted.items())
-    text = f"{name} {told} at {bench.baud} baud"
-    missing = [f"{device} ({axis})" for device, axis in wanted.items() if device not in there]
+    expected = {handle.id: axis for axis, handle in bench.handles.items()}
+    ids = ", ".join(f"{axis} {device}" for device, axis in expected.items())
+    text = f"{name} {ids} at {bench.baud} baud"
+    missing = [f"{device} ({axis})" for device, axis in expected.items() if device not in there]
     if missing:
         answers = ", ".join(map(str, there))
         text += f"; motor {' and '.join(missing)} does not answer, but {answers}"
         return Finding("bench", False, text, f"check its supply and cable, or {cure}")
-    if others := [f"{d} at {there[d]}" for d in wanted if there[d] != bench.baud]:
+    if others := [f"{d} at {there[d]}" for d in expected if there[d] != bench.baud]:
         return Finding("bench", False, f"{text}; motor {' and '.join(others)}", cure)
     return Finding("bench", True, text)
 
 
-def _search(line: Port, tell: Tell, searches_s: Sequence[float]) -> list[tuple[int, int]]:
+def _search(line: Port, report: Report, searches_s: Sequence[float]) -> list[tuple[int, int]]:
     """Return id and baud rate of every motor that answers to a broadcast ping."""
     found: list[tuple[int, int]] = []
     for wait_s in searches_s:
         bus = Bus(line, WallClock(), {}, wait_s)
         found = []
         for baud in reg.BAUDS:
-            tell(f"motors at {baud} baud")
+            report(f"motors at {baud} baud")
             line.set_baud(baud)
             found += [(device, baud) for device in bus.scan()]
         if len(found) >= 2:

@@ -74,7 +74,7 @@ def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
             line.set_baud(motor.baud)
             bus.write(motor.id, reg.WATCHDOG, 0)
             bus.write(motor.id, reg.TORQUE_ENABLE, 0)
-        told = [f"{motor.id}: {', '.join(_write(bus, motor)) or 'kept'}" for motor in motors]
+        done = [f"{motor.id}: {', '.join(_write(bus, motor)) or 'kept'}" for motor in motors]
         for motor in motors:
             bus.reboot(motor.id)
         for motor in motors:
@@ -87,8 +87,8 @@ def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
         bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.DEFAULT_FILE)
     except EndolockError as error:
         return refused("set-up", error)
-    told += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
-    return Finding("set-up", True, f"{'; '.join(told)}; wrote {bench_file.DEFAULT_FILE}")
+    done += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
+    return Finding("set-up", True, f"{'; '.join(done)}; wrote {bench_file.DEFAULT_FILE}")
 
 
 def _accept(motors: Sequence[FoundMotor]) -> None:
@@ -115,19 +115,19 @@ def _accept(motors: Sequence[FoundMotor]) -> None:
 def _write(bus: Bus, motor: FoundMotor) -> list[str]:
     """Write the settings that differ to a motor without torque; return the changes."""
     bus.port.set_baud(motor.baud)
-    told = []
+    changes = []
     for name, register in SETTINGS.items():
         has = bus.read(motor.id, register)
         if has:
             bus.write(motor.id, register, 0)
-            told.append(f"{name} {has % 256 if register.size == 1 else has} -> 0")
+            changes.append(f"{name} {has % 256 if register.size == 1 else has} -> 0")
     if motor.baud != BAUD:
         with suppress(LinkLost):  # it may answer at the new rate already
             bus.write(motor.id, reg.BAUD, reg.BAUDS.index(BAUD))
         bus.port.set_baud(BAUD)
         _await(bus, motor.id)
-        told.append(f"baud {motor.baud} -> {BAUD}")
-    return told
+        changes.append(f"baud {motor.baud} -> {BAUD}")
+    return changes
 
 
 def _await(bus: Bus, device: int) -> None:

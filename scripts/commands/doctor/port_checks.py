@@ -18,7 +18,7 @@ from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
     SEARCHES_S,
     FoundMotor,
-    Tell,
+    Report,
     refused,
 )
 
@@ -65,12 +65,12 @@ def ports(
     """
     if not found:
         return Finding("serial", True, "none; the twin needs none")
-    told, advice = [], []
+    described, advice = [], []
     for port, name in found.items():
         more = [name] if name != port else []
         more += [f"latency timer {timers_ms[port]} ms"] if port in timers_ms else []
-        told.append(f"{port} ({', '.join(more)})" if more else port)
-    text = ", ".join(told)
+        described.append(f"{port} ({', '.join(more)})" if more else port)
+    text = ", ".join(described)
     if closed_to_us:
         groups = ",".join(sorted(set(closed_to_us.values())))
         text += f"; no permission to open {', '.join(closed_to_us)}"
@@ -86,7 +86,7 @@ def ports(
 
 def examine(
     path: str,
-    tell: Tell,
+    report: Report,
     *,
     change: Callable[[Port, list[FoundMotor]], Finding] | None = None,
     by_id: Path = BY_ID,
@@ -96,7 +96,7 @@ def examine(
 
     Args:
         path: path of the port.
-        tell: called with the present step.
+        report: called with the name of each step.
         change: sets the motors up before they are judged.
         by_id: folder of persistent names.
         searches_s: see `SEARCHES_S`.
@@ -110,11 +110,11 @@ def examine(
         line.open()
         advice = ""
         findings.append(Finding("port", True, _opened(path, by_id)))
-        motors = motor_checks.look(line, tell, searches_s)
+        motors = motor_checks.look(line, report, searches_s)
         if change:
-            tell("set-up")
+            report("set-up")
             findings.append(change(line, motors))
-            motors = motor_checks.look(line, tell, searches_s)
+            motors = motor_checks.look(line, report, searches_s)
         findings += motor_checks.judge(motors, path)
     except EndolockError as error:
         findings.append(refused("motors" if findings else "port", error, advice))

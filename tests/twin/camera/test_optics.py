@@ -7,7 +7,7 @@ import pytest
 
 from endolock.hw.api import Image
 from endolock.twin.camera import optics
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.world import scenario
 from endolock.twin.world.scenario_sections import CameraSettings
 from endolock.vision import camera_model
@@ -36,7 +36,7 @@ def test_a_fisheye_shows_the_target_at_its_projection(diagonal_deg: float, mask:
         eyes = MarkerEyes(studio.calibration, studio.board)
         for _ in range(12):
             x, y = random.uniform(-0.05, 0.05, 2)
-            still = studio.take(Place((x, y, 0.12), *random.uniform([-20, 0], [20, 180])))
+            still = studio.take(BoardPose((x, y, 0.12), *random.uniform([-20, 0], [20, 180])))
             _, fit = eyes.look(still.frame)
             assert not isinstance(fit, str)
             off.append(np.hypot(*np.subtract(fit.pixel, still.target_px)))
@@ -106,7 +106,7 @@ def test_light_of_the_tip_falls_with_the_square_of_the_distance() -> None:
 
     def brightness(distance_m: float) -> float:
         with Studio(scenario.load("rest", light)) as studio:
-            still = studio.take(Place((0.03, 0.004, distance_m)))
+            still = studio.take(BoardPose((0.03, 0.004, distance_m)))
             assert still.frame.image is not None
             u, v = camera_model.project(studio.calibration, np.array([0.0, 0.004, distance_m]))
             window = still.frame.image[int(v) - 2 : int(v) + 3, int(u) - 2 : int(u) + 3]
@@ -121,6 +121,6 @@ def test_a_back_lit_board_is_visible_without_other_light() -> None:
     dark = {"light.room": 0.0, "light.tip": 0.0}
     for back, found in ((0.0, False), (1.0, True)):
         with Studio(scenario.load("rest", {**dark, "light.back": back})) as studio:
-            still = studio.take(Place((0.0, 0.0, 0.12)))
+            still = studio.take(BoardPose((0.0, 0.0, 0.12)))
             _, fit = MarkerEyes(studio.calibration, studio.board).look(still.frame)
             assert (not isinstance(fit, str)) is found

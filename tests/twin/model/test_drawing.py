@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from endolock.hw import boards
-from endolock.twin.camera.stills import Place, Studio
+from endolock.twin.camera.stills import BoardPose, Studio
 from endolock.twin.model import drawing
 from endolock.twin.world import scenario
 from endolock.vision.detector import MarkerDetector
@@ -55,12 +55,12 @@ def test_nothing_overlaps(kind: str) -> None:
 @pytest.mark.parametrize(
     "place",
     [
-        Place((0.0, 0.0, 0.12)),
-        Place((0.02, -0.015, 0.1), tilt_deg=30.0, axis_deg=50.0, roll_deg=25.0),
-        Place((-0.004, 0.003, 0.06), tilt_deg=-20.0, axis_deg=110.0, roll_deg=-40.0),
+        BoardPose((0.0, 0.0, 0.12)),
+        BoardPose((0.02, -0.015, 0.1), tilt_deg=30.0, axis_deg=50.0, roll_deg=25.0),
+        BoardPose((-0.004, 0.003, 0.06), tilt_deg=-20.0, axis_deg=110.0, roll_deg=-40.0),
     ],
 )
-def test_stills_show_the_board_where_it_is(kind: str, place: Place) -> None:
+def test_stills_show_the_board_where_it_is(kind: str, place: BoardPose) -> None:
     with Studio(scenario.load("rest", {"board.kind": kind})) as studio:
         still = studio.take(place)
         _, fit = MarkerEyes(studio.calibration, studio.board).look(still.frame)
@@ -74,7 +74,7 @@ def test_another_target_of_the_same_board() -> None:
     for number in range(4):
         overrides = {"board.kind": "several", "board.target": number}
         with Studio(scenario.load("rest", overrides)) as studio:
-            still = studio.take(Place((0.0, 0.0, 0.12)))
+            still = studio.take(BoardPose((0.0, 0.0, 0.12)))
             seen.append(np.subtract(still.target_px, studio.calibration.centre_px))
     signs = [tuple(np.sign(s).astype(int).tolist()) for s in seen]
     assert signs == [(-1, -1), (1, -1), (-1, 1), (1, 1)]  # left is left, up is up
