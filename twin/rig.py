@@ -164,7 +164,7 @@ class TwinRig(ClosingRig):
         x, y, _ = (start - start[2] / ray[2] * ray).tolist() if ray[2] > 0 else (inf, inf, 0)
         if not max(abs(x), abs(y)) <= self.board.size_m / 2:
             u, v = pixel
-            raise ConfigError(f"at pixel {u:g},{v:g} there is no board", "select a part of it")
+            raise ConfigError(f"no board at pixel {u:g},{v:g}", "select a part of it")
         self.board = replace(self.board, target=(x, y))
         self.truth.target = (x, y, 0.0)
 

@@ -119,7 +119,7 @@ def check(selection: Selection, calibration: Calibration) -> None:
     if min(width, height) < SMALLEST_PX:
         raise ConfigError(
             f"--select {text}: {width}x{height} px is too small to follow",
-            f"use {SMALLEST_PX} px or more each way",
+            f"use {SMALLEST_PX} px or more on each side",
         )
     corners = [(left, top), (left + width - 1, top + height - 1)]
     corners += [(left + width - 1, top), (left, top + height - 1)]

@@ -98,8 +98,8 @@ class Bench(Section):
             reach = handle.ratio * max(map(abs, handle.range_rad))
             if reach > pi:
                 raise ConfigError(
-                    f"handle.{axis} may turn its motor by {reach:.2f} rad, but a motor that starts "
-                    "knows its position only within half a turn to either side",
+                    f"handle.{axis} may turn its motor by {reach:.2f} rad, but after a start "
+                    "a motor knows its position only within half a turn in either direction",
                     "use a smaller range_rad",
                 )
         return self

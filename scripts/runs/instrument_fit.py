@@ -145,9 +145,11 @@ class InstrumentFit:
         default = log / "instrument.toml" if log.is_dir() else beside
         file = self.out or default
         if file.suffix != ".toml":
-            raise ConfigError(f"--out {file} does not end in .toml", "give a file that does")
+            raise ConfigError(
+                f"--out {file} does not end in .toml", "give a file name that ends in .toml"
+            )
         if not file.parent.is_dir():
-            raise ConfigError(f"--out {file}: there is no folder {file.parent}", "make it first")
+            raise ConfigError(f"--out {file}: there is no folder {file.parent}", "create it first")
         if file.exists() and not _ours(file):
             raise ConfigError(
                 f"{file} exists and was not written by endolock identify", "give another --out"

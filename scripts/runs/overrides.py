@@ -131,7 +131,7 @@ def _changed(instrument: Instrument, variation: Variation) -> Instrument:
         if name not in values:
             near = [key for key in values if name in key] or get_close_matches(name, values, 1)
             hint = f"did you mean instrument.{near[0]}?" if near else f"it has {', '.join(values)}"
-            raise ConfigError(f"an instrument has no {name}", f"{hint}")
+            raise ConfigError(f"an instrument has no {name}", hint)
     values |= variation.instrument
     times = variation.instrument_times
     return Instrument(**{name: v * times.get(name, 1.0) for name, v in values.items()})

@@ -242,7 +242,7 @@ def test_the_other_motor_holds_when_one_restarts() -> None:
         assert bench.angles()[0] == pytest.approx(at, abs=STEP_RAD)  # of the goal it was given
 
 
-def test_a_killed_host_leaves_handles_that_stand_still() -> None:
+def test_after_the_host_is_killed_the_handles_stop() -> None:
     bench = Emulated()
     bench.guard.connect()
     bench.guard.enable()

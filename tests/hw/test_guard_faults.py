@@ -140,7 +140,7 @@ def test_a_blocked_handle_is_not_pushed_any_further(bench: BenchDrive) -> None:
         )
 
 
-def test_torque_comes_on_only_with_the_goal_in_place(bench: BenchDrive) -> None:
+def test_torque_is_switched_on_only_after_the_goal_is_written(bench: BenchDrive) -> None:
     start = bench.handle  # not zero, while zero is the goal that such a drive wakes up with
     with Guard(bench) as guard:
         guard.enable()
@@ -212,7 +212,7 @@ def test_a_fault_while_enabling_is_latched(bench: BenchDrive) -> None:
             guard.home()
 
 
-def test_a_lost_link_leaves_the_goal_where_it_was(bench: BenchDrive) -> None:
+def test_a_lost_link_keeps_the_goal(bench: BenchDrive) -> None:
     with Guard(bench) as guard:
         guard.enable()
         last = exchange(guard, 10, (0.9, 0.9))[-1]

@@ -209,7 +209,7 @@ def test_noise_sources_are_independent() -> None:
     assert all(whole[seq] == stamp for seq, stamp in thinned.items())
 
 
-def test_truth_is_kept_while_frames_are_under_way() -> None:
+def test_truth_is_kept_until_its_frame_is_delivered() -> None:
     rig = TwinRig(_fast(latency_s=0.4), pictures=False)
     rig.clock.sleep_until(3.0)
     frame = rig.camera.latest()

@@ -66,7 +66,7 @@ def test_a_selection_becomes_the_target_of_truth_and_markers() -> None:
         ((600, 10, 60, 60), "reaches beyond the picture of 640x480 px"),
         ((-5, 10, 60, 60), "reaches beyond the picture"),
         ((100, 100, 10, 60), "10x60 px is too small to follow; use 16 px"),
-        ((20, 20, 60, 60), "at pixel 49.5,49.5 there is no board"),
+        ((20, 20, 60, 60), "no board at pixel 49.5,49.5"),
     ],
 )
 def test_a_selection_that_cannot_be_followed_is_refused(

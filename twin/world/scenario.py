@@ -110,7 +110,9 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
     else:
         values, name = files.read("scenario", FOLDER, str(source))
     if "name" in values:
-        raise ConfigError(f"scenario {name}: unknown key name", "the file's name is the scenario's")
+        raise ConfigError(
+            f"scenario {name}: unknown key name", "the name of a scenario is that of its file"
+        )
     for key, value in (overrides or {}).items():
         *sections, last = key.split(".")
         table = values

@@ -79,7 +79,7 @@ def main(request: Request) -> int:
         from endolock.scripts.commands.doctor import motor_setup
 
         if request.port is None:
-            raise ConfigError("--set-up goes with --port PORT", "say on which port the motors are")
+            raise ConfigError("--set-up goes with --port PORT", "name the port of the motors")
         motor_setup.check()
         console.print(motor_setup.WARNING, style="bold", soft_wrap=True, highlight=False)
     findings = examine(console, request)

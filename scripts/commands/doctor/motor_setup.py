@@ -47,7 +47,7 @@ def check() -> None:
     if path.exists():
         raise ConfigError(
             f"{path} exists, so nothing was set up",
-            "move it away to set up anew, or leave out --set-up to look only",
+            "move it away to set up again, or omit --set-up to check only",
         )
     if not os.access(Path(), os.W_OK | os.X_OK):
         raise ConfigError(
@@ -101,7 +101,7 @@ def _accept(motors: Sequence[FoundMotor]) -> None:
         ids = f" ({', '.join(str(motor.id) for motor in motors)})" if motors else ""
         raise ConfigError(
             f"{len(motors)} motors{ids} where a bench has two, so nothing was set up",
-            "connect those two and no other, check that both answer, then run this again",
+            "connect only those two, check that both answer, then run this again",
         )
     for motor in motors:
         if motor.model not in MODELS:

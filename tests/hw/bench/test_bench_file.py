@@ -51,7 +51,7 @@ def test_the_camera_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> 
         ("baud == 1\n", "is not TOML"),
     ],
 )
-def test_unusable_values_are_one_line(text: str, said: str, tmp_path: Path) -> None:
+def test_unusable_values_give_one_line(text: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=said) as caught:
         bench_file.load(write(tmp_path, text))
     assert "\n" not in str(caught.value)

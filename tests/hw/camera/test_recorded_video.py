@@ -63,7 +63,7 @@ def test_a_video_that_ends_early_gives_frames_without_pictures(tmp_path: Path) -
     assert [f.image is None for f in frames] == [False] * len(pictures) + [True] * 2
 
 
-def test_a_damaged_video_is_one_line_or_frames_without_pictures(tmp_path: Path) -> None:
+def test_a_damaged_video_gives_one_line_or_frames_without_pictures(tmp_path: Path) -> None:
     path, pictures = _video(tmp_path, repeat=20)
     data = path.read_bytes()
     stamps = [(0.1 * n, 0.1 * n) for n in range(len(pictures))]
@@ -97,7 +97,7 @@ def test_unreadable_files_give_one_line(tmp_path: Path) -> None:
         ("t_capture\n0.2\nnan\n", "time runs backwards or is not finite"),
     ],
 )
-def test_bad_time_stamps_are_one_line(tmp_path: Path, text: str, why: str) -> None:
+def test_bad_time_stamps_give_one_line(tmp_path: Path, text: str, why: str) -> None:
     path = tmp_path / "times.csv"
     path.write_text(text)
     with pytest.raises(ConfigError, match=why):

@@ -113,7 +113,7 @@ def requests(records: list[bus_log.Chunk], device: int) -> list[tuple[str, str, 
     return found
 
 
-def test_the_page_lists_the_registers_that_there_are() -> None:
+def test_the_page_lists_all_registers() -> None:
     table = {row["register"].strip("`"): row for row in rows("Registers")}
     for name, row in table.items():
         assert (int(row["address"]), int(row["bytes"])) == getattr(reg, name), name

@@ -197,7 +197,7 @@ def test_other_files_are_not_overwritten(
         ),
         (precious, "exists and was not written by endolock identify; give another --out"),
         (tmp_path / "nowhere" / "x.toml", "there is no folder"),
-        (tmp_path / "x.txt", "does not end in .toml; give a file that does"),
+        (tmp_path / "x.txt", "does not end in .toml; give a file name that ends in .toml"),
     ):
         assert cli.main(["identify", str(log), "--out", str(target)]) == 2
         assert message in capsys.readouterr().err

@@ -65,7 +65,7 @@ def test_a_list_given_by_key_replaces() -> None:
         ("=3", "unknown key"),
     ],
 )
-def test_a_variation_that_does_not_fit_is_one_line(entry: str, why: str) -> None:
+def test_an_invalid_variation_gives_one_line(entry: str, why: str) -> None:
     with pytest.raises(ConfigError, match=why) as caught:
         apply(entry)
     assert "\n" not in str(caught.value)

@@ -423,7 +423,7 @@ def test_only_two_motors_are_set_up(ids: tuple[int, ...], text: str) -> None:
         "set-up",
         False,
         f"{text} a bench has two, so nothing was set up",
-        "connect those two and no other, check that both answer, then run this again",
+        "connect only those two, check that both answer, then run this again",
     )
 
 
@@ -478,12 +478,12 @@ def test_a_motor_that_does_not_return_after_a_reboot_is_an_error() -> None:
 
 
 def test_set_up_needs_a_port_and_no_bench_file(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ConfigError, match=r"^--set-up goes with --port PORT; say on which port"):
+    with pytest.raises(ConfigError, match=r"^--set-up goes with --port PORT; name the port"):
         examination.main(examination.Request(set_up=True))
     bench_file.DEFAULT_FILE.touch()
     text = (
-        r"^bench\.toml exists, so nothing was set up; move it away to set up anew, or leave out "
-        r"--set-up to look only$"
+        r"^bench\.toml exists, so nothing was set up; move it away to set up again, or omit "
+        r"--set-up to check only$"
     )
     with pytest.raises(ConfigError, match=text):
         examination.main(examination.Request(port="nowhere", set_up=True))
