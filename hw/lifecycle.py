@@ -13,7 +13,7 @@ from typing import Self
 from endolock.hw.api import Actuators
 from endolock.hw.errors import add_second
 
-UNCLOSED = "and not everything could be closed"
+UNCLOSED = "closing also failed"
 """How the note of an error begins that was met while closing."""
 
 
@@ -22,10 +22,10 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of everything; may be called twice."""
+        """Release everything; may be called twice."""
 
     def __enter__(self) -> Self:
-        """Nothing to do: it is open since it was made."""
+        """Nothing to do: already open."""
         return self
 
     def __exit__(
@@ -49,7 +49,7 @@ class Connecting(Closing):
         """Connect; without effect where it is connected already."""
 
     def __enter__(self) -> Self:
-        """Connect; where that fails, let go of the rest."""
+        """Connect; where that fails, release the rest."""
         try:
             self.connect()
         except BaseException as error:
@@ -80,16 +80,19 @@ def close_all(*closes: Callable[[], object]) -> None:
     """Make all these calls, whatever each raises.
 
     Raises:
-        BaseException: the first error; those after it become notes of it.
+        BaseException: the first error, or the first interruption such as Ctrl-C; the others become
+            notes of it.
     """
-    first: BaseException | None = None
+    errors: list[BaseException] = []
     for close in closes:
         try:
             close()
         except BaseException as error:
-            if first is None:
-                first = error
-            else:
-                add_second(first, UNCLOSED, error)
-    if first is not None:
-        raise first
+            errors.append(error)
+    if not errors:
+        return
+    raised = next((stop for stop in errors if not isinstance(stop, Exception)), errors[0])
+    for other in errors:
+        if other is not raised:
+            add_second(raised, UNCLOSED, other)
+    raise raised

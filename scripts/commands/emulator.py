@@ -69,23 +69,22 @@ def main(request: Request) -> int:
         link=request.link,
         video=request.video,
     )
-    asked: list[int] = []
+    signals: list[int] = []
     before = {
-        number: signal.signal(number, lambda n, _: asked.append(n))
+        number: signal.signal(number, lambda n, _: signals.append(n))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
-    end = HilServer(setup)
     try:
-        camera = f", camera at {end.stream.address}" if end.stream else ""
-        Console(highlight=False).print(
-            f"two servos, ids 1 and 2, at {request.baud} baud on {end.line.path}{camera}; "
-            "Ctrl-C ends",
-            soft_wrap=True,
-            markup=False,
-        )
-        end.serve(None, lambda: bool(asked))
+        with HilServer(setup) as server:
+            camera = f", camera at {server.stream.address}" if server.stream else ""
+            Console(highlight=False).print(
+                f"two servos, ids 1 and 2, at {request.baud} baud on {server.line.path}{camera}; "
+                "Ctrl-C ends",
+                soft_wrap=True,
+                markup=False,
+            )
+            server.serve(None, lambda: bool(signals))
     finally:
-        end.close()
         for number, handler in before.items():
             signal.signal(number, handler)
     return 0

@@ -7,6 +7,7 @@ print(record["width"]["30"], record["deadband_rad"])
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from math import degrees, radians
 from pathlib import Path
@@ -33,7 +34,7 @@ USUAL_CREST_RAD = 2.8
 """Usual handle angle of the crests [rad], for the progress bar."""
 
 
-class Strokes(NamedTuple):
+class MeasuredStrokes(NamedTuple):
     """Strokes of one measurement, and how they were reached."""
 
     strokes: RecordedStrokes
@@ -116,7 +117,7 @@ class HysteresisMeasurement:
         record["wall_s"] = time.perf_counter() - start
         return record
 
-    def strokes(self, *, whole: bool = True, show_progress: bool = False) -> Strokes:
+    def strokes(self, *, whole: bool = True, show_progress: bool = False) -> MeasuredStrokes:
         """Run the protocol once.
 
         Args:
@@ -149,12 +150,9 @@ class HysteresisMeasurement:
             if self.out and whole:
                 configuration = {"hysteresis": self._described(), **rig.describe()}
                 folder = run_folder.RunFolder(self.out, configuration)
-            try:
+            with folder or nullcontext():
                 strokes = protocol.run(folder, whole=whole)
-            finally:
-                if folder:
-                    folder.close()
-            return Strokes(strokes, other_axis_rad, rig.clock.now())
+            return MeasuredStrokes(strokes, other_axis_rad, rig.clock.now())
 
     def _maps(self, show_progress: bool) -> dict[str, Any]:
         """Measure the width over own and other bend, and at 30 deg over the bend of the shaft."""

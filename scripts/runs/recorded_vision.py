@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -83,7 +84,7 @@ class RecordedVision:
             folder = run_folder.RunFolder(self.out, {"run": {"source": str(self.source)}, **known})
         run, taken = Run(), []
         refused: Counter[str] = Counter()
-        try:
+        with folder or nullcontext():
             while (due := camera.due) is not None:
                 clock.sleep_until(due)
                 frame = camera.latest()
@@ -97,9 +98,6 @@ class RecordedVision:
                 if folder:
                     folder.seen(seen)
                 run.seen.append(seen.without_pictures())
-        finally:
-            if folder:
-                folder.close()
         scores = metrics.score(run, recording.calibration, 0.0)
         named = isinstance(self.vision, str)
         record = VisionRecord(

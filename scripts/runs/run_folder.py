@@ -30,6 +30,7 @@ import tomli_w
 from endolock.control.loop import Seen, Tick
 from endolock.hw import files
 from endolock.hw.api import ConfigError
+from endolock.hw.lifecycle import Closing, close_all
 from endolock.scripts.runs.log_tables import FRAMES, TICKS, frame_row, tick_row
 
 BUS_LOG = "bus.log"
@@ -78,7 +79,7 @@ class _Table:
                 self._file.close()
 
 
-class RunFolder:
+class RunFolder(Closing):
     """Writes the run folder of one run.
 
     Args:
@@ -119,10 +120,7 @@ class RunFolder:
 
     def close(self) -> None:
         """Complete both tables."""
-        try:
-            self._ticks.close()
-        finally:
-            self._frames.close()
+        close_all(self._ticks.close, self._frames.close)
 
     def finish(self, metrics: Mapping[str, Any]) -> None:
         """Write metrics.json, whole or not at all."""

@@ -10,13 +10,24 @@ from endolock.hw.bench.serial_rig import SerialRig
 from endolock.hw.errors import HardwareError
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import Closing, Connecting, close_all
+from endolock.scripts.runs.run_folder import RunFolder
 from endolock.twin.camera.stills import Studio
 from endolock.twin.hil.hil_rig import HilRig
+from endolock.twin.hil.hil_server import HilServer
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
 
 ROOT = Path(__file__).parents[2]
-KINDS: list[type[Closing]] = [Guard, HilRig, SerialRig, Studio, SurrogateRig, TwinRig]
+KINDS: list[type[Closing]] = [
+    Guard,
+    HilRig,
+    HilServer,
+    RunFolder,
+    SerialRig,
+    Studio,
+    SurrogateRig,
+    TwinRig,
+]
 GONE = HardwareError("cable gone", "plug it in", t=0.0)
 
 
@@ -60,7 +71,7 @@ def test_an_error_inside_is_not_hidden(kind: type[Closing]) -> None:
     stuck = Stuck()
     with pytest.raises(ZeroDivisionError) as caught, made(kind, stuck):
         raise ZeroDivisionError
-    assert caught.value.__notes__ == ["and not everything could be closed: it is stuck"]
+    assert caught.value.__notes__ == ["closing also failed: it is stuck"]
     assert stuck.closed == 1
 
 
@@ -75,7 +86,7 @@ def test_an_error_while_connecting_is_not_hidden(kind: type[Closing]) -> None:
     stuck = Stuck(GONE)
     with pytest.raises(HardwareError, match="cable gone") as caught, made(kind, stuck):
         raise AssertionError("never entered")
-    assert caught.value.__notes__[-1] == "and not everything could be closed: it is stuck"
+    assert caught.value.__notes__[-1] == "closing also failed: it is stuck"
     assert stuck.closed == 1
 
 
@@ -90,7 +101,32 @@ def test_all_are_closed_and_the_first_error_is_raised() -> None:
     with pytest.raises(HardwareError, match="number 1") as caught:
         close_all(*calls)
     assert order == [1, 2, 3]
-    assert caught.value.__notes__ == ["and not everything could be closed: number 3"]
+    assert caught.value.__notes__ == ["closing also failed: number 3"]
+
+
+def test_ctrl_c_while_closing_is_raised_and_the_rest_is_still_closed() -> None:
+    order: list[int] = []
+
+    def stop(number: int, error: BaseException) -> None:
+        order.append(number)
+        raise error
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        close_all(
+            lambda: stop(1, GONE), lambda: stop(2, KeyboardInterrupt()), lambda: order.append(3)
+        )
+    assert order == [1, 2, 3]
+    assert caught.value.__notes__ == ["closing also failed: cable gone"]
+
+
+def test_ctrl_c_while_closing_after_an_error_is_raised() -> None:
+    class Stopped(Stuck):
+        def close(self) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught, made(SerialRig, Stopped()):
+        raise ZeroDivisionError
+    assert isinstance(caught.value.__context__, ZeroDivisionError)
 
 
 def test_a_rig_closes_everything_else_if_its_handles_fail_to_close() -> None:

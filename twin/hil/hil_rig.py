@@ -30,7 +30,7 @@ from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import ClosingRig, close_all
+from endolock.hw.lifecycle import ClosingRig, close_after, close_all
 from endolock.twin.hil.hil_server import HilSetup, Ready
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
@@ -95,8 +95,8 @@ class HilRig(ClosingRig):
                     faults=tuple(faults),
                 )
             )
-        except BaseException:
-            self._far.close()
+        except BaseException as error:
+            close_after(error, self._far.close)
             raise
         self.clock: Clock = (
             WallClock(ready.origin) if wall else _LockStep(self._far, ready.timestep_s)

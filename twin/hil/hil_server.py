@@ -11,6 +11,7 @@ import select
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,6 +24,7 @@ from endolock.hw.dynamixel import registers as reg
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
+from endolock.hw.lifecycle import Closing, close_after, close_all
 from endolock.twin.camera.renderer import TwinCamera
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument, Numerics
@@ -71,7 +73,7 @@ class Ready:
     described: Mapping[str, Any]
 
 
-class HilServer:
+class HilServer(Closing):
     """A twin whose handles are servos on an emulated bus.
 
     Args:
@@ -95,9 +97,9 @@ class HilServer:
         self.stream = None if setup.video is None else PictureStream(setup.video)
         try:
             self.line = PtyLine(setup.link)
-        except BaseException:
+        except BaseException as error:
             if self.stream:
-                self.stream.close()
+                close_after(error, self.stream.close)
             raise
         self.emulator = BusServer(bus, self.line, paced=setup.paced)
         self._plugs = [f for f in setup.faults if f.kind == "unplug"]
@@ -179,11 +181,9 @@ class HilServer:
                 channel.send(self._call(name, args))
 
     def close(self) -> None:
-        """Release all resources."""
-        if self.stream:
-            self.stream.close()
-        self.line.close()
-        self.rig.close()
+        """Release all resources; may be called twice."""
+        video = [self.stream.close] if self.stream else []
+        close_all(*video, self.line.close, self.rig.close)
 
     def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
         try:
@@ -236,13 +236,9 @@ def main(descriptor: int) -> int:
     except ConfigError as error:
         channel.send(("error", error))
         return 2
-    try:
+    with server, suppress(BrokenPipeError):  # where the client was killed
         channel.send(("done", server.ready()))
         server.serve(channel)
-    except BrokenPipeError:
-        pass  # the client was killed
-    finally:
-        server.close()
     return 0
 
 

@@ -121,7 +121,7 @@ class Device:
         return True, self._grabbed[..., ::-1].copy()
 
     def release(self) -> None:
-        """Let go of it."""
+        """Release it."""
         self.released = True
 
 

@@ -158,7 +158,7 @@ def test_a_killed_run_leaves_a_readable_folder_and_still_handles(
     assert result.positions_equal == ticks.num_rows
     clock = WallClock()
     line = Bus(serial_port(emulator, 1_000_000), clock, NAMES)
-    line.open()  # the kernel has let go of the port
+    line.open()  # the kernel has released the port
     try:
         clock.sleep_until(0.5)
         # Pinged by nobody for longer than the watchdog waits, both have stopped by themselves.
