@@ -387,10 +387,17 @@ class Line(Protocol):
     """The line that carries bytes to the handles and back."""
 
     def record(self, path: Path) -> None:
-        """Log every byte from now on to a new file.
+        """Log every byte from now on to a new file; an earlier log is closed.
 
         Raises:
-            ConfigError: it cannot be written.
+            ConfigError: it cannot be written, or the earlier one could not be written to its end.
+        """
+
+    def stop_recording(self) -> None:
+        """Close the log, if there is one.
+
+        Raises:
+            ConfigError: the log could not be written to its end.
         """
 
 

@@ -23,8 +23,20 @@ class Register(NamedTuple):
     """[bytes]"""
 
     def encode(self, value: int) -> bytes:
-        """Return the bytes of a value, little-endian; negative ones in two's complement."""
-        return (value % (1 << 8 * self.size)).to_bytes(self.size, "little")
+        """Return the bytes of a value, little-endian; negative ones in two's complement.
+
+        Raises:
+            OverflowError: the register holds the value neither signed nor unsigned.
+        """
+        return value.to_bytes(self.size, "little", signed=value < 0)
+
+    def encode_signed(self, value: int) -> bytes:
+        """Return the bytes of a signed value, little-endian.
+
+        Raises:
+            OverflowError: it is too large for a signed number of this size.
+        """
+        return value.to_bytes(self.size, "little", signed=True)
 
     def decode(self, data: bytes | bytearray) -> int:
         """Return the signed value of these bytes."""

@@ -28,6 +28,7 @@ from endolock.hw.dynamixel.packets import (
 )
 from endolock.hw.dynamixel.port import Port
 from endolock.hw.dynamixel.registers import Register
+from endolock.hw.lifecycle import close_all
 
 TIMEOUT_S = 0.020
 """Time-out of the answers to one request [s]. Assumed: an adapter's 16 ms, and some more."""
@@ -86,12 +87,28 @@ class Bus:
         self._parser.reset()
 
     def record(self, path: Path) -> None:
-        """Log every byte from now on to a new file; see `hw/dynamixel/bus_log.py`.
+        """Log every byte from now on to a new file; an earlier log is closed.
+
+        For the format see `hw/dynamixel/bus_log.py`.
 
         Raises:
-            ConfigError: it cannot be written.
+            ConfigError: it cannot be written, or the earlier one could not be written to its end.
         """
+        self.stop_recording()
         self._log = BusLog(path)
+
+    def stop_recording(self) -> None:
+        """Close the log, if there is one.
+
+        Raises:
+            ConfigError: the log could not be written to its end.
+        """
+        if self._log:
+            self._log.close()
+            self._log = None
+        if self._unlogged:
+            error, self._unlogged = self._unlogged, None
+            raise error
 
     def close(self) -> None:
         """Close the port and the log.
@@ -99,13 +116,7 @@ class Bus:
         Raises:
             ConfigError: the log could not be written to its end.
         """
-        self.port.close()
-        if self._log:
-            self._log.close()
-            self._log = None
-        if self._unlogged:
-            error, self._unlogged = self._unlogged, None
-            raise error
+        close_all(self.port.close, self.stop_recording)
 
     def ping(self, device: int) -> tuple[int, int]:
         """Return model number and firmware version of a motor."""
@@ -195,12 +206,13 @@ class Bus:
             accept: checks each block.
 
         Raises:
+            OverflowError: a goal is too large for its register; nothing was sent.
             PortGone: the port was unplugged.
         """
         request = self._read_blocks
         if goals is not None:
             parts = (
-                bytes((i,)) + reg.GOAL_POSITION.encode(g)
+                bytes((i,)) + reg.GOAL_POSITION.encode_signed(g)
                 for i, g in zip(self._ids, goals, strict=True)
             )
             data = self._goals + b"".join(parts)

@@ -54,14 +54,18 @@ class DirectLink:
         self._servo(device).reboot()
 
     def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Set all goals and read all blocks."""
+        """Set all goals and read all blocks.
+
+        Raises:
+            OverflowError: a goal is too large for its register.
+        """
         found: list[bytes | None] = []
         now = self._clock.now()
         for index, servo in enumerate(self._servos):
             servo.heard()
             if goals is not None:
                 try:
-                    data = reg.GOAL_POSITION.encode(goals[index])
+                    data = reg.GOAL_POSITION.encode_signed(goals[index])
                     servo.write(reg.GOAL_POSITION.address, data)
                 except Refused:
                     pass  # visible in the block, as on a bus

@@ -106,7 +106,7 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
     if isinstance(source, Scenario):
         if not overrides:
             return source
-        values, name = source.model_dump(exclude={"name"}), source.name
+        values, name = source.model_dump(exclude={"name"}, exclude_none=True), source.name
     else:
         values, name = files.read("scenario", FOLDER, str(source))
     if "name" in values:
@@ -120,7 +120,7 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
             table = table.setdefault(section, {})
             if not isinstance(table, dict):
                 raise ConfigError(
-                    f"scenario {source}: {section} is not a section", f"write [{section}]"
+                    f"scenario {name}: {section} is not a section", f"write [{section}]"
                 )
         table[last] = value
     try:

@@ -189,6 +189,23 @@ def test_after_a_pause_one_lost_answer_is_only_stale() -> None:
         assert bench.follow(1)[0].fresh
 
 
+def test_a_log_ends_where_recording_stops_or_starts_anew(tmp_path: Path) -> None:
+    bench = Emulated()
+    first, second = tmp_path / "first.log", tmp_path / "second.log"
+    with bench.guard:
+        bench.bus.record(first)
+        bench.follow(3)
+        size = first.stat().st_size
+        bench.bus.record(second)
+        bench.follow(3)
+        assert first.stat().st_size == size
+        bench.bus.stop_recording()
+        bench.bus.stop_recording()  # without effect
+        size = second.stat().st_size
+        bench.follow(3)
+    assert second.stat().st_size == size > 8
+
+
 def test_a_full_disk_does_not_keep_the_motors_from_stopping(tmp_path: Path) -> None:
     if sys.platform == "win32":
         pytest.skip("Windows has no limit of a file's size")

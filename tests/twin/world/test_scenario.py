@@ -47,6 +47,25 @@ def test_a_tracker_is_added_by_a_file_or_an_override(tmp_path: Path) -> None:
     assert scenario.load(file).tracker == PoseTrackerSettings()
 
 
+def test_a_tracker_is_added_to_a_loaded_scenario() -> None:
+    loaded = scenario.load("straight")
+    assert scenario.load(loaded, {"tracker.rate_hz": 50}).tracker == PoseTrackerSettings(rate_hz=50)
+
+
+@pytest.mark.parametrize("name", scenario.names())
+def test_a_loaded_scenario_is_overridden_like_its_file(name: str) -> None:
+    changes = {"duration_s": 3.0}
+    assert scenario.load(scenario.load(name), changes) == scenario.load(name, changes)
+
+
+def test_a_value_is_not_a_section_of_a_loaded_scenario() -> None:
+    with pytest.raises(ConfigError) as caught:
+        scenario.load(scenario.load("straight"), {"duration_s.x": 1})
+    assert str(caught.value) == (
+        "scenario straight: duration_s is not a section; write [duration_s]"
+    )
+
+
 def test_sources_name_list_items_by_number() -> None:
     found = scenario.sources("push", {"tracker.rate_hz": 50.0})
     assert found["push.0.force_n"] == (0.5, "file")
