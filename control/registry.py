@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from difflib import get_close_matches
+from functools import partial
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
@@ -168,7 +169,9 @@ def adopt(controller: Any, calibration: Calibration) -> Controller:
                 "give a name, a file, or an object with reset(state) and "
                 "update(t, state, observation)",
             )
-        controller = controller(calibration)
+        name = getattr(controller, "__name__", type(controller).__name__)
+        make = partial(controller, calibration)
+        controller = user_law.call_user_code(make, name, "making it from the calibration", None)
     return UserController(controller)
 
 

@@ -94,13 +94,13 @@ class TwinRig(ClosingRig):
     ) -> None:
         if seed < 0:
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario, self.seed = load(scenario), seed
+        self.scenario, self.seed, self.pictures = load(scenario), seed, pictures
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self._numerics = numerics or Numerics()
         self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
         self.servos = motor.servos(self.plant, self.clock.now)
-        made = self.plant.instrument
+        self.instrument = made = self.plant.instrument
         link = DirectLink(self.servos, self.clock)
         drive = ServoDrive(link, self.clock, motor.handles(made), motor.units(made))
         self.actuators: Guard = Guard(drive)

@@ -45,6 +45,7 @@ class SurrogateRig(ClosingRig):
         ConfigError: the scenario has parts that a surrogate does not model.
     """
 
+    pictures = False
     overview = None
     tracker = None
     line = None
@@ -59,7 +60,8 @@ class SurrogateRig(ClosingRig):
     ) -> None:
         self.scenario = load(scenario)
         _check(self.scenario)
-        made = instrument or Instrument()
+        self.instrument, self.seed = instrument or Instrument(), seed
+        made = self.instrument
         transmission = transmission or plays_of(made, self.scenario.shaft_bend_deg)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.clock = SurrogateClock(self)

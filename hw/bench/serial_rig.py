@@ -52,11 +52,13 @@ class SerialRig(ClosingRig):
         self.drive = ServoDrive(self.line, self.clock, made.handles)
         self.actuators: Guard = Guard(self.drive)
         self.board = boards.all_boards()[made.board].geometry
+        self.latency_s = made.camera.latency_s if latency_s is None else latency_s
+        """Capture to delivery of the video [s]."""
         self.camera = VideoCamera(
             made.camera.source,
             made.camera.geometry(),
             self.clock,
-            latency_s=made.camera.latency_s if latency_s is None else latency_s,
+            latency_s=self.latency_s,
             frame_rate_hz=made.camera.frame_rate_hz,
         )
 

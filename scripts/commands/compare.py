@@ -196,10 +196,12 @@ def plan(request: Request, folder: Path) -> list[Experiment]:
         )
         experiment.resolve()
         planned.append(experiment)
-    if len({experiment.out for experiment in planned}) < len(planned):
-        raise ConfigError(
-            "two runs are the same", "name every scenario, controller and latency once"
-        )
+    for n, experiment in enumerate(planned):
+        if any(experiment.out == other.out for other in planned[:n]):
+            raise ConfigError(
+                f"two runs have the folder {experiment.out}",
+                "give every scenario, controller and latency once, and files other names",
+            )
     return planned
 
 

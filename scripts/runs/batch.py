@@ -14,7 +14,7 @@ import numpy as np
 
 from endolock.hw.api import ConfigError, Vector
 from endolock.scripts.runs import run_folder
-from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.experiment import Experiment, Interrupted
 from endolock.scripts.runs.run_record import RunRecord
 
 WORKERS = 2
@@ -111,7 +111,10 @@ def each(
         The return values of `read`, None where a controller cannot be used on a task.
     """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return pool.map(partial(_run, read=read), experiments, chunksize=1)
+        try:
+            return pool.map(partial(_run, read=read), experiments, chunksize=1)
+        except _WorkerInterruptedError as stop:
+            raise KeyboardInterrupt(str(stop)) from None
 
 
 def all_of(experiments: Sequence[Experiment]) -> list[FinishedRun]:
@@ -134,11 +137,17 @@ def _known(value: Result | None) -> Result:
     return value
 
 
+class _WorkerInterruptedError(Exception):
+    """A run in another process was interrupted."""
+
+
 def _run(experiment: Experiment, read: Callable[[RunRecord, Path], Result]) -> Result | None:
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / "run"
         try:
             record = replace(experiment, out=folder).run()
+        except Interrupted as stop:  # a pool waits for ever for a worker that ends of it
+            raise _WorkerInterruptedError(str(stop)) from None
         except ConfigError:  # such as repetitive on a path that is not periodic
             return None
         return read(record, folder)

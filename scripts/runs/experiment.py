@@ -7,9 +7,10 @@ print(record.error_px.rms, record.folder)
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields
+from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +42,9 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, record: RunRecord, message: str = "") -> None:
         super().__init__(message or f"after {record.duration_s:.1f} s")
         self.record = record
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.record, str(self))
 
 
 class Resolved(NamedTuple):
@@ -97,13 +101,43 @@ class Experiment:
     out: Path | None = None
     """Run folder, new or empty; one below runs/ named by time if None."""
 
+    def __post_init__(self) -> None:
+        plain: dict[str, Callable[[Any], Any]] = {
+            "seed": index,
+            "latency_s": float,
+            "duration_s": float,
+            "scored_from_s": float,
+            "bench": Path,
+            "out": Path,
+            "vary": tuple,
+            "select": lambda values: tuple(index(value) for value in values),
+        }
+        if isinstance(self.controller, Path):
+            object.__setattr__(self, "controller", str(self.controller))
+        for name, convert in plain.items():
+            if (value := getattr(self, name)) is None and name not in ("seed", "vary"):
+                continue
+            try:
+                if isinstance(value, str) and name not in ("bench", "out"):
+                    raise TypeError
+                object.__setattr__(self, name, convert(value))
+            except (TypeError, ValueError):
+                wanted = self.__dataclass_fields__[name].type
+                raise ConfigError(f"{name} is {value!r}", f"use {wanted}") from None
+        if self.seed < 0:
+            raise ConfigError(f"seed {self.seed}", "use a whole number, 0 or more")
+        if isinstance(self.rig, type) or not (
+            isinstance(self.rig, str) or hasattr(self.rig, "camera")
+        ):
+            raise ConfigError(f"{self.rig!r} is not a rig", "give a name or an object")
+
     @property
     def controller_name(self) -> str:
         """Name of the controller in records and folders."""
         if isinstance(self.controller, str):
             return Path(self.controller).stem
-        kind = self.controller if isinstance(self.controller, type) else type(self.controller)
-        return kind.__name__
+        kind = type(self.controller).__name__
+        return str(getattr(self.controller, "__name__", kind)).strip("<>")
 
     def resolve(self) -> Resolved:
         """Check everything and load all names and files; make no rig and write nothing.
@@ -113,7 +147,7 @@ class Experiment:
         """
         if isinstance(self.controller, str):
             registry.check(self.controller)
-        bench = None
+        bench, changes = None, self.changes
         if isinstance(self.rig, str):
             if not isinstance(self.vision, str):
                 raise ConfigError(
@@ -128,16 +162,14 @@ class Experiment:
                 "the instrument on a bench cannot be set",
                 f"leave --instrument and instrument.NAME out with --rig {self.rig}",
             )
-        changes = self.changes
-        if bench:  # the bench's camera determines its latency, not the scenario
-            changes.setdefault("camera.latency_s", bench.camera.latency_s)
+        # The bench's camera determines its latency, not the scenario.
+        latency_s = bench.camera.latency_s if bench else getattr(self.rig, "latency_s", None)
+        if latency_s is not None:
+            changes.setdefault("camera.latency_s", latency_s)
         task = overrides.apply(self.scenario, self.instrument, self.vary, changes)
         scenario = task.scenario
-        if getattr(self.rig, "scenario", scenario) != scenario:
-            raise ConfigError(
-                f"the rig was not made with this scenario {scenario.name}",
-                "give scenario=rig.scenario, and no changes to it",
-            )
+        if not isinstance(self.rig, str):
+            self._check_rig({**task._asdict(), "seed": self.seed})
         if scenario.scored_from_s >= scenario.duration_s:
             raise ConfigError(
                 f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
@@ -149,6 +181,17 @@ class Experiment:
             theory.check_stable(self.controller_name, settings, scenario)
         return Resolved(scenario, task.instrument, settings, task.changes, bench)
 
+    def _check_rig(self, used: dict[str, Any]) -> None:
+        """Check that a rig object was made from the same things as the experiment."""
+        if self.bench:
+            raise ConfigError("a bench file goes with rig serial:PORT", "leave bench out")
+        for name in ("scenario", "instrument", "seed"):
+            if getattr(self.rig, name, used[name]) != used[name]:
+                raise ConfigError(
+                    f"the rig was made with another {name}",
+                    f"give {name}=rig.{name}, and no changes to it",
+                )
+
     def run(self, *, label: str = "", show_progress: bool = False) -> RunRecord:
         """Run, score, and complete the run folder.
 
@@ -157,13 +200,15 @@ class Experiment:
             show_progress: whether to show a progress bar.
 
         Raises:
-            ConfigError: it cannot be run; nothing was written.
+            ConfigError: it cannot be run, and nothing was written; or its controller failed, or the
+                simulation, and the folder holds everything up to there.
             HardwareError: the handles stopped; the folder holds everything up to the fault.
             Interrupted: a Ctrl-C or a kill ended it early.
         """
         task = self.resolve()
         scenario = task.scenario
-        with closing() as signals, self._stage(task) as (rig, eyes):
+        rig, eyes, until_closed = self._stage(task)  # a Ctrl-C meanwhile takes effect at once
+        with closing() as signals, until_closed:
             if signals:
                 raise KeyboardInterrupt
             controller = self._make(rig, task.settings)
@@ -173,26 +218,24 @@ class Experiment:
             if rig.line:
                 rig.line.record(path / run_folder.BUS_LOG)
             start = time.perf_counter()
-            try:
-                with progress(
-                    f"{label} {name}".strip(), scenario.duration_s, show_progress
-                ) as update:
-                    result = loop.run(
-                        rig,
-                        eyes,
-                        controller,
-                        duration_s=scenario.duration_s,
-                        recorder=folder,
-                        progress=update,
-                    )
-            finally:
-                folder.close()
+            shown = f"{label} {name}".strip()
+            with folder, progress(shown, scenario.duration_s, show_progress) as update:
+                result = loop.run(
+                    rig,
+                    eyes,
+                    controller,
+                    duration_s=scenario.duration_s,
+                    recorder=folder,
+                    progress=update,
+                )
             wall_s = time.perf_counter() - start
             scores = metrics.score(result, rig.camera.calibration, scenario.scored_from_s)
             simulated = rig.truth is not None
         ran_s = result.ticks[-1].t - result.ticks[0].t if result.ticks else 0.0
         needed = constant = None
-        if simulated and ran_s > scenario.scored_from_s:
+        # The path is known from the start of a scenario; a rig object may be further on.
+        fresh = isinstance(self.rig, str) or (result.ticks and result.ticks[0].t <= loop.PERIOD_S)
+        if simulated and fresh and ran_s > scenario.scored_from_s:
             ran = scenario.model_copy(update={"duration_s": ran_s})
             needed, constant = hindsight(ran, task.instrument, self.seed)
         described = self._described()
@@ -240,21 +283,20 @@ class Experiment:
         known: dict[str, Any] = {}
         if scenario.period_s is not None:
             known["period_s"] = scenario.period_s
-        if self.controller == "oracle" and isinstance(self.rig, str):
-            known["plays"] = rigs.plays_behind(self.rig, instrument, scenario.shaft_bend_deg)
+        if self.controller == "oracle":
+            kind = self.rig if isinstance(self.rig, str) else "twin"
+            known["plays"] = rigs.plays_behind(kind, instrument, scenario.shaft_bend_deg)
         return registry.configure(self.controller, law, known)
 
-    @contextmanager
-    def _stage(self, task: Resolved) -> Iterator[tuple[Rig, Eyes]]:
-        """Make rig and eyes; close a rig made here."""
+    def _stage(self, task: Resolved) -> tuple[Rig, Eyes, AbstractContextManager[object]]:
+        """Return rig and eyes, and what closes a rig that was made here."""
         if not isinstance(self.rig, str):
             eyes = self.vision
             if isinstance(eyes, str):
                 eyes = rigs.eyes_of(self.rig, eyes, task.scenario, self.seed, self.select)
-            yield self.rig, eyes
-            return
+            return self.rig, eyes, nullcontext()
         assert isinstance(self.vision, str)  # see `resolve`
-        rig, eyes = rigs.make(
+        made, eyes = rigs.make(
             self.rig,
             task.scenario,
             vision=self.vision,
@@ -264,8 +306,7 @@ class Experiment:
             select=self.select,
             bench=task.bench,
         )
-        with rig:
-            yield rig, eyes
+        return made, eyes, made
 
     def _make(self, rig: Rig, settings: Any) -> Controller:
         calibration = rig.camera.calibration

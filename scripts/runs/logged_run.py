@@ -65,5 +65,5 @@ def _record(folder: Path) -> RunRecord | None:
         raise ConfigError(
             f"{file} was written by endolock {run_folder.written_by(folder)} and is not a run "
             f"record of this version: {wrong['loc'][0]}: {wrong['msg']}",
-            "read it with that version",
+            run_folder.how_to_read(folder),
         ) from None

@@ -59,7 +59,7 @@ def table(records: Sequence[RunRecord]) -> Table:
 
 def legend(records: Sequence[RunRecord]) -> list[str]:
     """Return the lines that explain the columns of a table."""
-    constant = any(record.constant_px for record in records)
+    constant = any(record.constant_px and not record.interrupted for record in records)
     return [*([CONSTANT] if constant else []), "tip, handle: of the axis that moved farther"]
 
 

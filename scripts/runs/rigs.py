@@ -174,8 +174,6 @@ def make(
             rendered here, or the selection is not on the board in the picture.
     """
     check(rig, vision, numerics)
-    if select and vision != "track":
-        raise ConfigError(f"--select goes with --vision track, not with {vision}")
     if rig.startswith(SERIAL):
         real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
         return real, eyes_of(real, vision, scenario, seed, select)
@@ -192,9 +190,6 @@ def make(
     try:
         simulated.clock.sleep_until(0.0)
         eyes = eyes_of(simulated, vision, scenario, seed, select)
-        if select and not isinstance(simulated, SurrogateRig):
-            left, top, width, height = select
-            simulated.aim((left + (width - 1) / 2, top + (height - 1) / 2))
     except BaseException:
         simulated.close()
         raise
@@ -204,7 +199,7 @@ def make(
 def eyes_of(
     rig: Rig, vision: str, scenario: Scenario, seed: int, select: Selection | None = None
 ) -> Eyes:
-    """Make the eyes for a rig.
+    """Make the eyes for a rig; what they shall follow becomes the target of a simulated one.
 
     Args:
         rig: gives calibration, board and, on a simulated rig, the truth.
@@ -214,13 +209,24 @@ def eyes_of(
         select: rectangle of the first picture to follow, with track only.
 
     Raises:
-        ConfigError: the rig has no truth, or the selection is not within the picture.
+        ConfigError: the rig has no truth, or the selection is not within the picture, or for
+            other eyes.
     """
+    if vision not in VISIONS:
+        raise ConfigError(f"vision '{vision}' is unknown", f"use {' or '.join(VISIONS)}")
+    if vision != "truth" and not getattr(rig, "pictures", True):
+        raise ConfigError(f"the rig takes no pictures for {vision}", "use vision truth")
+    if select and vision != "track":
+        raise ConfigError(f"select goes with vision track, not with {vision}")
     calibration = rig.camera.calibration
     if vision == "markers":
         return MarkerEyes(calibration, rig.board)
     if vision == "track":
-        return TrackEyes(calibration, rig.board, select)
+        eyes = TrackEyes(calibration, rig.board, select)
+        if select and isinstance(rig, TwinRig | HilRig):
+            left, top, width, height = select
+            rig.aim((left + (width - 1) / 2, top + (height - 1) / 2))
+        return eyes
     if rig.truth is None:
         raise ConfigError("the rig has no truth", "use vision markers or track")
     noise = generator(seed, "vision.noise")

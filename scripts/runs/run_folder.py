@@ -178,8 +178,15 @@ def _refuse(file: Path, found: pa.Schema, schema: pa.Schema) -> None:
     what = f"has no column {missing}" if missing else "has other columns"
     raise ConfigError(
         f"{file} was written by endolock {written_by(file.parent)} and {what}",
-        "read it with that version",
+        how_to_read(file.parent),
     )
+
+
+def how_to_read(path: Path) -> str:
+    """Say what to do with a run folder of another form."""
+    if written_by(path) == version("endolock"):
+        return "it is damaged, or of an earlier state of this version; run it again"
+    return "read it with that version"
 
 
 def written_by(path: Path) -> str:

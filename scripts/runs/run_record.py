@@ -16,15 +16,16 @@ class RunRecord(Scores):
     scenario: str
     """Name of the scenario."""
     controller: str
-    """Name of the controller; for a file its name without .py, for an object its class."""
+    """Name of the controller; for a file its name without .py, for an object that of its class or
+    of the function that made it."""
     variation: str
     """Changes by `--vary`, joined by +; empty without changes."""
     rig: str
-    """Name of the rig, such as twin or serial:PORT."""
+    """Name of the rig, such as twin or serial:PORT; for an object that of its class."""
     instrument: str
-    """Name or file of the instrument."""
+    """Name or file of the instrument; for an object that of its class."""
     vision: str
-    """markers, track or truth."""
+    """markers, track or truth; for an object the name of its class."""
     seed: int
     """Seed of all random numbers."""
     duration_s: float

@@ -7,10 +7,10 @@ import inspect
 import endolock
 
 GROUPS = {
-    "Rigs": ("TwinRig", "HilRig", "SurrogateRig", "SerialRig"),
+    "Rigs": ("TwinRig", "HilRig", "SurrogateRig", "SerialRig", "Rig"),
     "Worlds": ("Scenario", "load_scenario", "Instrument", "load_instrument"),
-    "Eyes": ("MarkerEyes", "TrackEyes", "TruthEyes", "Frame", "Observation", "Status"),
-    "Controllers": ("Controller", "Command", "State"),
+    "Eyes": ("MarkerEyes", "TrackEyes", "TruthEyes", "Eyes", "Frame", "Observation", "Status"),
+    "Controllers": ("Controller", "Command", "State", "Calibration"),
     "Runs": ("Experiment", "run", "score", "Scores", "RunRecord", "read_run", "Interrupted"),
     "Errors": (
         "EndolockError",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from endolock import Command, ConfigError, Experiment, read_run
+from endolock import Calibration, Command, ConfigError, Experiment, read_run
 from endolock.control import user_law
 from endolock.scripts import cli
 from endolock.scripts.runs import run_folder
@@ -158,6 +159,41 @@ def test_a_module_beside_the_file_can_be_imported_and_shadows_nothing(tmp_path: 
     assert ticks["command_rad"][-1].as_py() == [0.125, 0.0]
 
 
+@pytest.mark.parametrize("name", ["name", "what", "call", "source", "file", "method"])
+def test_a_parameter_may_have_any_name(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW.replace("angle=0.0", f"{name}=0.0").replace("Law(angle)", f"Law({name})"))
+    record = run(file, f"law.{name}=0.25").run()
+    assert read_run(record.folder).ticks["command_rad"][-1].as_py() == [0.25, 0.0]
+
+
+def test_a_make_that_takes_everything_gets_everything(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    text = LAW.replace("angle=0.0, *, unused=1", "**given")
+    file.write_text(text.replace("Law(angle)", 'Law(given["gain"])'))
+    assert run(file, "law.gain=0.25").resolve().settings == {"gain": 0.25}
+
+
+def test_a_parameter_without_a_default_is_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW.replace("angle=0.0", "angle"))
+    with pytest.raises(ConfigError, match=r"make needs law\.angle; give it with --vary law"):
+        run(file).resolve()
+
+
+def test_modules_beside_two_files_may_have_the_same_name(tmp_path: Path) -> None:
+    ends = []
+    for folder, angle in (("a", 0.125), ("b", 0.25)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "gains_of_both.py").write_text(f"ANGLE = {angle}\n")
+        file = tmp_path / folder / "mine.py"
+        text = LAW.replace("return Law(angle)", "return Law(gains_of_both.ANGLE)")
+        file.write_text(f"import gains_of_both\n{text}")
+        ticks = read_run(run(file).run().folder).ticks
+        ends.append(ticks["command_rad"][-1].as_py()[0])
+    assert ends == [0.125, 0.25]
+
+
 def json_decoder_of(law: user_law.UserLaw) -> bool:
     """Whether the standard library's json was imported by the file."""
     return hasattr(law.function.__globals__["json"].decoder, "JSONDecoder")
@@ -176,6 +212,42 @@ def test_an_error_names_the_line_in_the_file_itself(tmp_path: Path) -> None:
         run(file).resolve()
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        (
+            "def make(calibration, angle=0.0, *, unused=1): return Law(angle)",
+            "def make(): ...",
+            r"make failed: TypeError: .* \(line 11\)",
+        ),
+        (
+            "def update(self, t, state, observation):",
+            "def update(self, t):",
+            r"update failed: TypeError: .* \(line 7\)",
+        ),
+        ("self.signals = ", "exit(); x = ", r"update failed: SystemExit: None \(line 8\)"),
+        ("self.signals = {", "self.signals = 5; {", "signals is 5; make it a mapping of names"),
+        ("self.signals = {", "{", "signals failed: AttributeError: .* 'gian'"),
+        ("position=(self.angle, 0.0)", "position='12'", "update returned the position '12'"),
+        (
+            "position=(self.angle, 0.0)",
+            "position={0: 1, 1: 2}",
+            "update returned the position {0: 1",
+        ),
+    ],
+)
+def test_what_a_file_does_wrong_is_one_line_that_names_its_own_line(
+    old: str, new: str, why: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    text = LAW.replace(old, new)
+    if "gian" in why:
+        text = text.replace("class Law:", "class Law:\n    signals = property(lambda s: s.gian)")
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=rf"^mine\.py: {why}"):
+        run(file).run()
+
+
 class Steady:
     """Holds one angle; an object made in Python."""
 
@@ -190,7 +262,12 @@ class Steady:
         return Command(position=(0.5, 0.0))
 
 
-@pytest.mark.parametrize("controller", [Steady(), lambda calibration: Steady()])
+def steady(calibration: Calibration) -> Steady:
+    """Make one from the calibration."""
+    return Steady()
+
+
+@pytest.mark.parametrize("controller", [Steady(), steady])
 def test_an_object_a_class_or_a_function_gets_a_run_folder(
     controller: object, tmp_path: Path
 ) -> None:
@@ -201,7 +278,7 @@ def test_an_object_a_class_or_a_function_gets_a_run_folder(
         duration_s=0.5,
         out=tmp_path / "run",
     ).run()
-    assert record.controller == ("Steady" if isinstance(controller, Steady) else "function")
+    assert record.controller == ("Steady" if isinstance(controller, Steady) else "steady")
     ticks = read_run(record.folder).ticks
     assert ticks["command_rad"][-1].as_py() == [0.5, 0.0]
     assert ticks["signals"][-1].as_py() == [("angle", 0.5)]
@@ -217,3 +294,26 @@ def test_an_object_without_the_methods_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="3 has no update"):
         experiment.run()
     assert not (tmp_path / "run").exists()
+
+
+class Unmakeable:
+    """Takes no calibration."""
+
+    def __init__(self) -> None:
+        """Take nothing."""
+
+
+@pytest.mark.parametrize(
+    ("controller", "why"),
+    [
+        (Unmakeable, "Unmakeable: making it from the calibration failed: TypeError"),
+        (lambda calibration: None, "NoneType, which has no reset"),
+        (lambda calibration: Steady, "the class Steady, which has no reset"),
+    ],
+)
+def test_what_makes_no_controller_is_refused(controller: Any, why: str, tmp_path: Path) -> None:
+    experiment = Experiment(
+        scenario="rest", controller=controller, vision="truth", out=tmp_path / "run"
+    )
+    with pytest.raises(ConfigError, match=why):
+        experiment.run()

@@ -78,7 +78,9 @@ class HilRig(ClosingRig):
             raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
         _need_linux()
         self.scenario = load(scenario)
-        made = instrument or Instrument()
+        self.instrument, self.seed = instrument or Instrument(), seed
+        self.pictures = pictures
+        made = self.instrument
         self._far = _Far()
         try:
             ready: Ready = self._far.start(

@@ -38,7 +38,7 @@ def test_every_controller_runs_on_every_scenario_seed_and_latency(
         (["--seeds", "0"], "seeds 0; use 1 or more"),
         (
             ["--controllers", "pi", "pi"],
-            "two runs are the same; name every scenario, controller and",
+            "two runs have the folder ",
         ),
         (["--controllers"], "no controllers given; name at least one after --controllers"),
         (["--out", "."], ". is not an empty folder; give a new one with --out"),

@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
+import pickle
+import re
 import signal
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from endolock import (
     ConfigError,
+    DeviceFault,
     Experiment,
     Instrument,
     Interrupted,
+    SurrogateRig,
     TruthEyes,
     TwinRig,
+    load_instrument,
     load_scenario,
     read_run,
 )
 from endolock.control.laws.still import Still
 from endolock.hw.api import Command, State
+from endolock.scripts.runs import batch
+from endolock.scripts.runs.run_folder import RunFolder
 from endolock.scripts.runs.series import run_all
+from endolock.twin.world.fitted_plays import plays_of
 from endolock.vision.observation import Observation
 
 
-def quick(out: Path, **changes: object) -> Experiment:
+def quick(folder: Path, **changes: object) -> Experiment:
     """Half a second without pictures."""
-    plain = Experiment(scenario="straight", vision="truth", duration_s=0.5, out=out)
+    plain = Experiment(scenario="straight", vision="truth", duration_s=0.5, out=folder)
     return replace(plain, **changes)  # type: ignore[arg-type]  # fields by name
 
 
@@ -48,11 +58,88 @@ def test_objects_give_the_same_run_as_their_names(tmp_path: Path) -> None:
     assert (own.rig, own.vision, made.instrument) == ("TwinRig", "TruthEyes", "Instrument")
 
 
-def test_a_rig_of_another_scenario_is_refused(tmp_path: Path) -> None:
-    with TwinRig("circle", pictures=False) as rig:
-        experiment = quick(tmp_path / "run", rig=rig)
-        with pytest.raises(ConfigError, match=r"give scenario=rig\.scenario"):
+@pytest.mark.parametrize(
+    ("made", "changes", "why"),
+    [
+        ({"scenario": "circle"}, {}, "with another scenario; give scenario=rig.scenario"),
+        ({"seed": 5}, {}, "with another seed; give seed=rig.seed"),
+        ({"instrument": load_instrument("slack")}, {}, "with another instrument; give instrument="),
+        ({}, {"vision": "marker"}, "vision 'marker' is unknown; use markers or track or truth"),
+        ({}, {"vision": "markers"}, "the rig takes no pictures for markers; use vision truth"),
+        ({}, {"select": (1, 2, 30, 30)}, "select goes with vision track, not with truth"),
+        ({}, {"bench": "bench.toml"}, "a bench file goes with rig serial:PORT; leave bench out"),
+    ],
+)
+def test_a_rig_that_does_not_fit_is_refused(
+    made: dict[str, Any], changes: dict[str, Any], why: str, tmp_path: Path
+) -> None:
+    scenario = load_scenario(made.pop("scenario", "straight"), {"duration_s": 0.5})
+    with SurrogateRig(scenario, **made) as rig:
+        experiment = quick(tmp_path / "run", rig=rig, **changes)
+        with pytest.raises(ConfigError, match=re.escape(why)):
             experiment.run()
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_selection_is_the_target_of_a_rig_object_too(tmp_path: Path) -> None:
+    scenario = load_scenario("straight", {"duration_s": 0.5})
+    followed = {"scenario": scenario, "vision": "track", "select": (320, 240, 41, 41)}
+    named = quick(tmp_path / "named", **followed).run()
+    with TwinRig(scenario) as rig:
+        rig.clock.sleep_until(0.0)
+        own = quick(tmp_path / "own", rig=rig, **followed).run()
+    assert own.error_px == named.error_px
+
+
+def test_the_oracle_knows_the_instrument_of_a_rig_object(tmp_path: Path) -> None:
+    with SurrogateRig("straight", instrument=load_instrument("slack")) as rig:
+        experiment = quick(
+            tmp_path / "run",
+            scenario=rig.scenario,
+            duration_s=None,
+            rig=rig,
+            instrument=rig.instrument,
+            controller="oracle",
+        )
+        settings = experiment.resolve().settings
+    assert settings.plays == plays_of(rig.instrument, rig.scenario.shaft_bend_deg)
+
+
+def test_a_rig_that_is_further_on_has_no_hindsight(tmp_path: Path) -> None:
+    scenario = load_scenario("straight", {"duration_s": 0.5})
+    with SurrogateRig(scenario) as rig:
+        rig.clock.sleep_until(0.0)
+        records = [quick(tmp_path / n, scenario=scenario, rig=rig).run() for n in ("a", "b")]
+    assert records[0].constant_px
+    assert records[1].constant_px is None  # the path of those seconds is another
+    assert records[1].needed_tip_deg is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"seed": -1}, "seed -1; use a whole number"),
+        ({"seed": 1.5}, "seed is 1.5; use int"),
+        ({"seed": None}, "seed is None; use int"),
+        ({"duration_s": "2"}, "duration_s is '2'; use float"),
+        ({"vary": "law.ki=1"}, "vary is 'law.ki=1'; use tuple"),
+        ({"select": "1,2,30,30"}, "select is '1,2,30,30'; use "),
+        ({"rig": None}, "None is not a rig; give a name or an object"),
+        ({"rig": TwinRig}, "is not a rig; give a name or an object"),
+    ],
+)
+def test_a_field_of_the_wrong_type_is_refused(
+    changes: dict[str, Any], why: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match=re.escape(why)):
+        quick(tmp_path / "run", **changes)
+
+
+def test_fields_are_taken_as_users_have_them(tmp_path: Path) -> None:
+    changes = {"out": str(tmp_path / "run"), "seed": np.int64(3), "vary": []}
+    record = quick(tmp_path, **changes).run()
+    assert read_run(tmp_path / "run").record == record
+    assert record.seed == 3
 
 
 def test_eyes_without_their_rig_are_refused(tmp_path: Path) -> None:
@@ -93,6 +180,37 @@ class Interrupting(Still):
         if abs(t - 0.2) < 1e-6:
             signal.raise_signal(signal.SIGINT)
         return super().update(t, state, observation)
+
+
+class Failing(Still):
+    """Stops with a fault after 0.1 s."""
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Hold, then fail."""
+        if t > 0.1:
+            raise DeviceFault("handle stopped", "free it", kind="following", t=t)
+        return super().update(t, state, observation)
+
+
+def test_a_fault_is_not_hidden_by_a_folder_that_cannot_be_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def close(self: RunFolder) -> None:
+        raise ConfigError("disk full", "make room")
+
+    monkeypatch.setattr(RunFolder, "close", close)
+    with pytest.raises(ConfigError, match="update failed: DeviceFault: handle stopped") as caught:
+        quick(tmp_path / "run", controller=Failing).run()
+    assert any("disk full" in note for note in caught.value.__notes__)
+
+
+def test_an_interruption_survives_another_process(tmp_path: Path) -> None:
+    with pytest.raises(Interrupted) as caught:
+        quick(tmp_path / "run", controller=Interrupting).run()
+    back = pickle.loads(pickle.dumps(caught.value))
+    assert (str(back), back.record) == (str(caught.value), caught.value.record)
+    with pytest.raises(KeyboardInterrupt):
+        batch.perform([quick(tmp_path, controller=Interrupting)])
 
 
 def test_an_interruption_is_one_exception_with_a_complete_record(tmp_path: Path) -> None:
