@@ -30,7 +30,7 @@ from endolock.control.laws.smith import SmithSettings
 from endolock.control.rms import rms
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import HOLD_S, Process, image_gain, simc
-from endolock.hw.api import Vector
+from endolock.hw.api import PERIOD_S, Vector
 
 OMEGA = np.geomspace(1e-2, 3e2, 6000)
 """Angular frequencies of the frequency response [rad/s]: periods of 10 min to 20 ms."""
@@ -88,15 +88,15 @@ def response(settings: Any, process: Process) -> Response | None:
     return None
 
 
-def margins(law: Response, process: Process) -> Margins:
+def margins(controller: Response, process: Process) -> Margins:
     """Compute the margins of a loop.
 
     Args:
-        law: linear part of the controller.
+        controller: linear part of the controller.
         process: the controlled process.
     """
     s = (1j * OMEGA).astype(np.complex128)
-    loop = law(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
+    loop = controller(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
     gm, pm, _, _, wgc, _ = ct.stability_margins(ct.frd(loop, OMEGA, smooth=True), returnall=True)
     # With several crossings, the smallest counts.
     lag = np.radians(pm % 360)
@@ -162,12 +162,12 @@ class OverCompensation(ct.DescribingFunctionNonlinearity):  # type: ignore[misc]
 
 
 def limit_cycles(
-    law: ct.TransferFunction, process: Process, nonlinearity: Any, amplitudes: Vector
+    controller: ct.TransferFunction, process: Process, nonlinearity: Any, amplitudes: Vector
 ) -> list[LimitCycle]:
     """Predict oscillations where L(jw) = -1/N(A).
 
     Args:
-        law: linear part of the controller, as a transfer function.
+        controller: linear part of the controller, as a transfer function.
         process: the controlled process.
         nonlinearity: one of python-control's, or `OverCompensation`.
         amplitudes: amplitudes at which it is evaluated, rising [rad].
@@ -176,13 +176,16 @@ def limit_cycles(
     plant = ct.tf([process.gain], [process.lag_s, 1]) * ct.tf(top, bottom)
     omega = OMEGA[OMEGA * process.dead_s < PADE_REACH]
     found = ct.describing_function_response(
-        law * plant, nonlinearity, amplitudes, omega, warn_nyquist=False
+        controller * plant, nonlinearity, amplitudes, omega, warn_nyquist=False
     )
     return [LimitCycle(float(a), float(w)) for a, w in found.intersections]
 
 
 def ringing(
-    law: Response, process: Process, chain: Callable[[Vector], Vector], period_s: float = 0.02
+    controller: Response,
+    process: Process,
+    chain: Callable[[Vector], Vector],
+    period_s: float = PERIOD_S,
 ) -> LimitCycle | None:
     """Predict an oscillation with a simulated describing function, N(A, w).
 
@@ -190,7 +193,7 @@ def ringing(
     chain is driven with A sin(wt), and 1 + L(jw) N(A, w) = 0 is solved.
 
     Args:
-        law: linear part of the controller.
+        controller: linear part of the controller.
         process: the controlled process.
         chain: maps a history of the controller's output to that of the bend, tick by tick [rad].
         period_s: control period [s].
@@ -208,7 +211,7 @@ def ringing(
         waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(len(t))])[last]
         real, imaginary, _ = np.linalg.lstsq(waves, bend[last], rcond=None)[0]
         s = np.array([1j * omega])
-        loop = law(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
+        loop = controller(s) * process.gain * np.exp(-process.dead_s * s) / (process.lag_s * s + 1)
         left = 1 + loop[0] * (real + 1j * imaginary) / amplitude
         return np.array([left.real, left.imag])
 

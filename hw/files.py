@@ -87,6 +87,8 @@ def read_toml(path: Path, kind: str, next_step: str) -> dict[str, Any]:
 def write_whole(path: Path, data: str | bytes, next_step: str) -> None:
     """Write a file whole or not at all; an older one stays until the new one is complete.
 
+    A device, a pipe or a link, such as /dev/stdout, stays what it is.
+
     Args:
         path: the file.
         data: its content; text is written in UTF-8.
@@ -95,8 +97,14 @@ def write_whole(path: Path, data: str | bytes, next_step: str) -> None:
     Raises:
         ConfigError: it cannot be written.
     """
-    with replacing(path, next_step) as part:
-        part.write_bytes(data.encode() if isinstance(data, str) else data)
+    content = data.encode() if isinstance(data, str) else data
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        with _refusals(path, next_step):
+            path.write_bytes(content)
+        return
+    path = path.resolve()  # a link stays a link
+    with replacing(path.resolve() if path.is_symlink() else path, next_step) as part:
+        part.write_bytes(content)
 
 
 @contextmanager
@@ -114,14 +122,22 @@ def replacing(path: Path, next_step: str) -> Iterator[Path]:
     """
     part = path.with_name(f"{path.name}.part")
     try:
-        yield part
-        part.replace(path)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ConfigError(f"cannot write {path}: {reason}", next_step) from None
+        with _refusals(path, next_step):
+            yield part
+            part.replace(path)
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+@contextmanager
+def _refusals(path: Path, next_step: str) -> Iterator[None]:
+    """Raise a ConfigError where the system refuses to write a file."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or error
+        raise ConfigError(f"cannot write {path}: {reason}", next_step) from None
 
 
 def first_problem(

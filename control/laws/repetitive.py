@@ -20,10 +20,10 @@ from dataclasses import dataclass, field
 from endolock.control.laws.pi import error
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.api import PERIOD_S, Calibration, Command, ConfigError, State
 from endolock.vision.observation import Observation, Status
 
-LEAD_S = linear_process.LAG_S + 0.020
+LEAD_S = linear_process.LAG_S + PERIOD_S
 """Delay from a command to the picture [s]: servo and tip, and one control period."""
 
 

@@ -116,9 +116,9 @@ def _margins(records: Sequence[dict[str, Any]]) -> list[str]:
     for r in records:
         nominal.setdefault((r["controller"], r["scenario"], r["latency_s"]), r["margins"])
     scenarios_of: dict[str, list[str]] = {}
-    for (law, scenario, latency), m in nominal.items():
+    for (controller, scenario, latency), m in nominal.items():
         if m:
-            text = f"{law}, {latency:.2f} s, linear part: gain margin {m['gain']:.1f}, " + (
+            text = f"{controller}, {latency:.2f} s, linear part: gain margin {m['gain']:.1f}, " + (
                 f"phase margin {m['phase_deg']:.0f} deg, dead time margin {m['dead_s']:.2f} s"
                 if m["gain"] >= 1
                 else "unstable"
@@ -174,15 +174,15 @@ def plan(request: Request, folder: Path) -> list[Experiment]:
         range(request.seeds),
     )
     planned: list[Experiment] = []
-    for source, law, latency_s, varied, seed in cases:
+    for source, controller, latency_s, varied, seed in cases:
         entries = tuple(varied.split("+")) if varied else ()
-        parts = [Path(source).stem, Path(law).stem]
+        parts = [Path(source).stem, Path(controller).stem]
         parts += [overrides.label(entries).replace("/", "_")] if varied else []
         parts += [] if latency_s is None else [f"{latency_s:g}s"]
         parts += [f"seed{seed}"] if request.seeds > 1 else []
         experiment = Experiment(
             scenario=source,
-            controller=law,
+            controller=controller,
             rig=request.rig,
             bench=request.bench,
             vision=request.vision,

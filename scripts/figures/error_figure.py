@@ -24,16 +24,16 @@ def draw(records: Sequence[RunRecord], path: Path) -> Path:
     from matplotlib.figure import Figure  # half a second to load
 
     names = list(dict.fromkeys(record.scenario for record in records))
-    laws_used = list(dict.fromkeys(record.controller for record in records))
+    controllers = list(dict.fromkeys(record.controller for record in records))
     figure = Figure(figsize=(9, 0.6 + 2.6 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, squeeze=False)[:, 0]
     for record in records:
         panel = panels[names.index(record.scenario)]
         t, error = error_over_time(record.folder)
-        law = record.controller
-        colour = SERIES[laws_used.index(law) % len(SERIES)]
-        first = law not in panel.get_legend_handles_labels()[1]
-        panel.plot(t, error, color=colour, lw=1.2, label=law if first else None)
+        controller = record.controller
+        colour = SERIES[controllers.index(controller) % len(SERIES)]
+        first = controller not in panel.get_legend_handles_labels()[1]
+        panel.plot(t, error, color=colour, lw=1.2, label=controller if first else None)
     for panel, name in zip(panels, names, strict=True):
         panel.set_title(name, loc="left", fontsize=10)
         panel.set_ylabel("error [px]")
@@ -41,7 +41,7 @@ def draw(records: Sequence[RunRecord], path: Path) -> Path:
         panel.margins(x=0)
         panel.grid(alpha=0.3)
         position = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
-        panel.legend(ncols=len(laws_used), frameon=False, **position)
+        panel.legend(ncols=len(controllers), frameon=False, **position)
     panels[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=130)
     return path

@@ -50,7 +50,7 @@ def read(source: Path) -> HandleLog:
     try:
         _check(log)
     except ConfigError as error:
-        raise ConfigError(f"{source}: {error}") from None
+        raise ConfigError(f"{source}: {error.what}", error.next_step) from None
     return log
 
 

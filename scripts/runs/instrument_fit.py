@@ -14,6 +14,7 @@ from pathlib import Path
 from endolock.control.identification.fits import fit
 from endolock.control.identification.uncertainty import Parameter
 from endolock.control.transmission.quasi_static import Geometry
+from endolock.hw import files
 from endolock.hw.api import AXES, ConfigError
 from endolock.scripts.runs import handle_logs, run_folder
 from endolock.twin.world import instrument_files
@@ -118,12 +119,7 @@ class InstrumentFit:
         )
         fitted = with_cable(base, found.cable, radians(shaft_deg), found.bending_stiffness)
         text = instrument_files.dump(fitted, _header(self.log, record))
-        try:
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(
-                f"cannot write {file}: {error.strerror}", "give another --out"
-            ) from None
+        files.write_whole(file, text, "give another --out")
         return record
 
     def _shaft_deg(self) -> float:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from endolock.hw import files
 from endolock.hw.api import ConfigError
 
 
@@ -36,9 +37,4 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
     if target == "-":
         sys.stdout.write(text)
         return
-    try:
-        Path(target).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write {target}: {error.strerror}", "use another --json"
-        ) from None
+    files.write_whole(Path(target), text, "use another --json")

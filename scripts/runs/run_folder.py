@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import json
 import platform
-import tomllib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -192,8 +191,8 @@ def how_to_read(path: Path) -> str:
 def written_by(path: Path) -> str:
     """Return the version of endolock that wrote a run folder; "?" where run.toml does not say."""
     try:
-        return str(tomllib.loads((path / "run.toml").read_text("utf-8"))["versions"]["endolock"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return str(files.read_toml(path / "run.toml", "run", "")["versions"]["endolock"])
+    except (ConfigError, KeyError, TypeError):
         return "?"
 
 

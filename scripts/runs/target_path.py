@@ -18,7 +18,7 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw import boards
 from endolock.hw.api import Calibration, Vector
-from endolock.hw.rotation import to_matrix
+from endolock.hw.rotation import matrix_about_z, to_matrix
 from endolock.twin.camera import optics
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
@@ -75,9 +75,7 @@ def sample_path(scenario: Scenario, seed: int) -> Vector:
     for t in np.arange(scenario.scored_from_s, scenario.duration_s + STEP_S / 2, STEP_S).tolist():
         right, down = course.board(t)
         point = np.array([right, down, board.distance_m + course.depth(t)]) + on_board
-        roll = course.shaft_roll_rad(t)
-        c, s = np.cos(roll), np.sin(roll)
-        points.append(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ point)
+        points.append(matrix_about_z(-course.shaft_roll_rad(t)) @ point)
     return np.array(points)
 
 

@@ -17,7 +17,15 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame, Pose, TruthSample
+from endolock.hw.api import (
+    BoardGeometry,
+    Calibration,
+    ConfigError,
+    EndolockError,
+    Frame,
+    Pose,
+    TruthSample,
+)
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.camera.picture_stream import PictureStream
 from endolock.hw.dynamixel import registers as reg
@@ -188,7 +196,7 @@ class HilServer(Closing):
     def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
         try:
             return "done", getattr(self, f"on_{name}")(*args)
-        except (ConfigError, LookupError) as error:
+        except (EndolockError, LookupError) as error:
             return "error", error
         except ValueError as error:
             return "error", ConfigError(str(error))

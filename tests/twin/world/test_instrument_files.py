@@ -51,10 +51,10 @@ def test_a_written_file_explains_every_value() -> None:
             "conduit_frction = 1",
             "instrument mine: unknown key conduit_frction; did you mean cond",
         ),
-        ("conduit_friction = -1", "conduit_friction is -1; use zero or more, in .*mine.toml"),
-        ("wire_stiffness = 0", "wire_stiffness is 0; use more than zero, in .*mine.toml"),
+        ("conduit_friction = -1", "conduit_friction is -1, in .*mine.toml; use zero or more"),
+        ("wire_stiffness = 0", "wire_stiffness is 0, in .*mine.toml; use more than zero"),
         ("wire_stiffness = 'much'", "instrument mine: wire_stiffness: should be a valid number"),
-        ("slack_m = nan", "slack_m is nan; use a finite number"),
+        ("slack_m = nan", "slack_m is nan, in .*mine.toml; use a finite number"),
         ("slack_m =", "instrument .*mine.toml is not TOML"),
     ],
 )
@@ -64,6 +64,14 @@ def test_a_bad_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         instrument_files.load(file)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_wrong_and_what_to_do_stay_apart(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("wire_stiffness = 0")
+    with pytest.raises(ConfigError) as caught:
+        instrument_files.load(file)
+    assert caught.value.next_step == "use more than zero"
 
 
 def test_an_unknown_name_is_refused() -> None:
