@@ -25,7 +25,7 @@ from endolock.hw import boards, files
 from endolock.hw.api import AXES, Calibration, ConfigError
 from endolock.hw.camera import camera_file
 from endolock.hw.dynamixel.handle import Handle
-from endolock.hw.dynamixel.port import BAUD
+from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.files import Section
 
@@ -68,7 +68,7 @@ class Handles(Section):
 class Bench(Section):
     """A bench; the defaults fit two motors set up by `endolock doctor`."""
 
-    baud: int = BAUD
+    baud: int = DEFAULT_BAUD
     """Baud rate of the bus [1/s], at least 57600: at 9600 a cycle takes longer than `max_age_s`."""
     board: str = "rings"
     """The printed board in front of the camera."""

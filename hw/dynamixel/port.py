@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Protocol
 
-BAUD = 1_000_000
+DEFAULT_BAUD = 1_000_000
 """Default baud rate of a bench; `endolock doctor --set-up` sets motors to it [1/s]."""
 BITS = 10
 """Bits of one byte on the wire: start, eight, stop."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from endolock.hw.api import PortGone
-from endolock.hw.dynamixel.port import BAUD
+from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.emulator.emulated_bus import AnsweringBus
 from endolock.hw.errors import RESUME
 
@@ -18,7 +18,7 @@ class Loopback:
 
     name = "loopback"
 
-    def __init__(self, bus: AnsweringBus, baud: int = BAUD) -> None:
+    def __init__(self, bus: AnsweringBus, baud: int = DEFAULT_BAUD) -> None:
         self._bus, self._baud = bus, baud
         self._coming = bytearray()
         self.plugged = True

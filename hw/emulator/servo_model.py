@@ -19,7 +19,7 @@ from typing import Protocol
 from endolock.hw.api import Fault
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Refusal
-from endolock.hw.dynamixel.port import BAUD
+from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import Register, Units
 
 XM430_W350 = 1020
@@ -122,7 +122,7 @@ class Servo:
         now: Callable[[], float],
         units: Units | None = None,
         reboot_s: float = 0.0,
-        baud: int = BAUD,
+        baud: int = DEFAULT_BAUD,
     ) -> None:
         self._motor, self._units = motor, units or Units()
         self.now = now

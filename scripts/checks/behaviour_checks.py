@@ -11,10 +11,9 @@ import numpy as np
 
 from endolock.control.rms import rms
 from endolock.hw.api import Command
+from endolock.scripts.checks.check import Check, check
 from endolock.scripts.checks.strokes import (
     SHAFTS_DEG,
-    Check,
-    check,
     hinges,
     loop,
     still,

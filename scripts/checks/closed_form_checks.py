@@ -13,13 +13,12 @@ import numpy as np
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.control.transmission.simulation import simulate
 from endolock.hw.api import AXES
+from endolock.scripts.checks.check import Check, check
 from endolock.scripts.checks.strokes import (
     ONE_WIRE,
     SEED,
     SHAFTS_DEG,
-    Check,
     HandleMotion,
-    check,
     hinges,
     still,
     turn,

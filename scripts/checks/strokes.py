@@ -1,10 +1,9 @@
-"""Parts of the checks: slow strokes of a plant without a rig, and the record of each."""
+"""Slow strokes of a plant without a rig, for the checks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, pi, radians
+from math import pi, radians
 
 import mujoco
 import numpy as np
@@ -19,22 +18,6 @@ ONE_WIRE = Instrument(slack_m=0.0)
 SHAFTS_DEG = (0.0, 180.0, 360.0)
 SEED = 7
 """Seed of the random hinge angles and handle motions; arbitrary."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """One comparison of the twin with a reference."""
-
-    what: str
-    against: str
-    unit: str
-    low: float = -inf
-    high: float = inf
-    """Bounds of the figure."""
-    why: str
-    """Reason for the bounds."""
-    measure: Callable[[], float]
-    """Returns the figure: the worst deviation, unless `what` says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -113,26 +96,3 @@ def hinges(model: mujoco.MjModel, axis: int) -> list[int]:
     """Find the hinge angles of an axis (0 up_down, 1 left_right) in qpos, from base to tip."""
     joints = (model.joint(i) for i in range(model.njnt))
     return [int(j.qposadr[0]) for j in joints if j.name.startswith(f"hinge_{AXES[axis]}")]
-
-
-def check(
-    into: list[Check],
-    what: str,
-    *,
-    against: str,
-    unit: str,
-    low: float = -inf,
-    high: float = inf,
-    why: str,
-) -> Callable[[Callable[[], float]], Callable[[], float]]:
-    """Add the decorated function to a list of checks; the other arguments are those of `Check`."""
-
-    def note(measure: Callable[[], float]) -> Callable[[], float]:
-        into.append(
-            Check(
-                what=what, against=against, unit=unit, low=low, high=high, why=why, measure=measure
-            )
-        )
-        return measure
-
-    return note

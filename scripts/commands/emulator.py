@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 
 from endolock.hw.api import ConfigError
-from endolock.hw.dynamixel.port import BAUD
+from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
 from endolock.scripts.commands.run import INSTRUMENT
@@ -30,7 +30,7 @@ class Request:
 
     link: tyro.conf.DisallowNone[Path | None] = None
     """Name of the line, a symbolic link that is replaced; default: /dev/pts/N, which is printed."""
-    baud: int = BAUD
+    baud: int = DEFAULT_BAUD
     """Baud rate of the servos; clients with a different one get no answer."""
     paced: bool = True
     """Answer at the speed of a wire; --no-paced: at once."""

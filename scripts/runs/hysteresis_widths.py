@@ -60,8 +60,8 @@ def deadband_of(strokes: RecordedStrokes) -> float:
     return (deadband(falling) + deadband(rising)) / 2
 
 
-def _fraction(one: Branch, other: Branch, bend_deg: float) -> float | None:
-    lost = width(one, other, radians(bend_deg))
+def _fraction(falling: Branch, rising: Branch, bend_deg: float) -> float | None:
+    lost = width(falling, rising, radians(bend_deg))
     return None if lost is None else lost / pi
 
 

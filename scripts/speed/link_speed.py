@@ -14,7 +14,7 @@ from statistics import median
 from endolock.control import loop, registry
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel.packets import crc
-from endolock.hw.dynamixel.port import BAUD, BITS
+from endolock.hw.dynamixel.port import BITS, DEFAULT_BAUD
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.vision.truth_eyes import TruthEyes
@@ -57,7 +57,7 @@ def measure() -> dict[str, float]:
 
 def _wire_s() -> float:
     """Transmission time of a cycle on the wire [s]: two requests, two answers."""
-    return BITS * CYCLE_BYTES / BAUD
+    return BITS * CYCLE_BYTES / DEFAULT_BAUD
 
 
 def _cycle_s(rig: HilRig, count: int) -> float:

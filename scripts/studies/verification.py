@@ -14,7 +14,7 @@ from rich.table import Table
 
 from endolock.scripts import cli
 from endolock.scripts.checks import behaviour_checks, closed_form_checks
-from endolock.scripts.checks.strokes import Check
+from endolock.scripts.checks.check import Check
 
 CHECKS = (*closed_form_checks.CHECKS, *behaviour_checks.CHECKS)
 """All checks, in the order of the model card."""

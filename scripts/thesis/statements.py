@@ -288,13 +288,13 @@ def both_axes(runs: Traces, column: str) -> Verdict:
 @statement("T13")
 def large_at_turns(runs: Traces, column: str) -> Verdict:
     """Straight, PI, the tip following: a large error after each switch, because of hysteresis."""
-    one, other = runs["straight-pi"], runs["free"]
-    with_, free = after_switches(one), after_switches(other)
-    least = float(np.min(with_ / free))
-    follows = one.tip_deg(2 * STROKE_S) >= FOLLOWED[0] * needed_deg()
+    hysteretic, free = runs["straight-pi"], runs["free"]
+    error, error_free = after_switches(hysteretic), after_switches(free)
+    least = float(np.min(error / error_free))
+    follows = hysteretic.tip_deg(2 * STROKE_S) >= FOLLOWED[0] * needed_deg()
     got = (
-        f"within 1.5 s after the switches {_row(with_)} px, without hysteresis {_row(free)} px: "
-        f"{least:.1f} times or more; tip {_tip(one)} and {_tip(other)}"
+        f"within 1.5 s after the switches {_row(error)} px, without hysteresis "
+        f"{_row(error_free)} px: {least:.1f} times or more; tip {_tip(hysteretic)} and {_tip(free)}"
     )
     expected = "1.5 times that without hysteresis, or more, at each; the tip follows"
     return Verdict(expected, got, follows and least >= 1.5)

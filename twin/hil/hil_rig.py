@@ -25,7 +25,7 @@ from endolock.hw.api import (
     TruthSample,
 )
 from endolock.hw.bench.wall_clock import WallClock
-from endolock.hw.dynamixel.port import BAUD, serial_port
+from endolock.hw.dynamixel.port import DEFAULT_BAUD, serial_port
 from endolock.hw.dynamixel.servo_bus import TIMEOUT_S, Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
@@ -93,7 +93,7 @@ class HilRig(ClosingRig):
                     overview=overview,
                     wall=wall,
                     paced=paced,
-                    baud=BAUD,
+                    baud=DEFAULT_BAUD,
                     faults=tuple(faults),
                 )
             )
@@ -108,7 +108,7 @@ class HilRig(ClosingRig):
         handles = motor.handles(made)
         names = {handle.id: axis for axis, handle in handles.items()}
         timeout_s = TIMEOUT_S if wall else LOCK_STEP_TIMEOUT_S
-        self.line = Bus(serial_port(ready.port, BAUD), self.clock, names, timeout_s)
+        self.line = Bus(serial_port(ready.port, DEFAULT_BAUD), self.clock, names, timeout_s)
         self.drive = ServoDrive(self.line, self.clock, handles, motor.units(made))
         self.actuators: Guard = Guard(self.drive)
         self.camera = _FarCamera(self._far, "frame", ready.calibration)

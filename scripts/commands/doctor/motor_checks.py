@@ -14,7 +14,7 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Instruction, Parser, encode
-from endolock.hw.dynamixel.port import BAUD, Port
+from endolock.hw.dynamixel.port import DEFAULT_BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.scripts.commands.doctor.finding import Finding
 
@@ -185,7 +185,7 @@ CHECKS = (
     MotorCheck(
         "baud",
         lambda m: str(m.baud),
-        lambda m: m.baud < BAUD,
+        lambda m: m.baud < DEFAULT_BAUD,
         "this is slow, the factory setting of 57600 gives 55 cycles/s: SET-UP",
     ),
     MotorCheck(

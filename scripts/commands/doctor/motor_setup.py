@@ -13,7 +13,7 @@ from endolock.hw.bench.bench_file import Bench, Handles
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
-from endolock.hw.dynamixel.port import BAUD, Port
+from endolock.hw.dynamixel.port import DEFAULT_BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_setup import RESTART_S
 from endolock.scripts.commands.doctor.finding import Finding
@@ -84,7 +84,9 @@ def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
             axis: Handle(id=motor.id, zero_counts=zero)
             for axis, motor, zero in zip(AXES, motors, zeros, strict=True)
         }
-        bench_file.save(Bench(baud=BAUD, handle=Handles(**handles)), bench_file.DEFAULT_FILE)
+        bench_file.save(
+            Bench(baud=DEFAULT_BAUD, handle=Handles(**handles)), bench_file.DEFAULT_FILE
+        )
     except EndolockError as error:
         return refused("set-up", error)
     done += [f"{axis} {h.id} with its zero at {h.zero_counts}" for axis, h in handles.items()]
@@ -121,12 +123,12 @@ def _write(bus: Bus, motor: FoundMotor) -> list[str]:
         if has:
             bus.write(motor.id, register, 0)
             changes.append(f"{name} {has % 256 if register.size == 1 else has} -> 0")
-    if motor.baud != BAUD:
+    if motor.baud != DEFAULT_BAUD:
         with suppress(LinkLost):  # it may answer at the new rate already
-            bus.write(motor.id, reg.BAUD, reg.BAUDS.index(BAUD))
-        bus.port.set_baud(BAUD)
+            bus.write(motor.id, reg.BAUD, reg.BAUDS.index(DEFAULT_BAUD))
+        bus.port.set_baud(DEFAULT_BAUD)
         _await(bus, motor.id)
-        changes.append(f"baud {motor.baud} -> {BAUD}")
+        changes.append(f"baud {motor.baud} -> {DEFAULT_BAUD}")
     return changes
 
 
@@ -144,7 +146,7 @@ def _await(bus: Bus, device: int) -> None:
         except LinkLost:
             if clock.now() >= RESTART_S:
                 raise LinkError(
-                    f"motor {device} no longer answers at {BAUD} baud",
+                    f"motor {device} no longer answers at {DEFAULT_BAUD} baud",
                     "switch the motors' supply off and on, then run this again",
                     t=clock.now(),
                 ) from None

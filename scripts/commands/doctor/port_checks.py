@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from endolock.hw.api import EndolockError
-from endolock.hw.dynamixel.port import BAUD, BY_ID, Port, serial_port
+from endolock.hw.dynamixel.port import BY_ID, DEFAULT_BAUD, Port, serial_port
 from endolock.scripts.commands.doctor import motor_checks
 from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.motor_checks import (
@@ -105,7 +105,7 @@ def examine(
     line: Port | None = None
     advice = ""
     try:
-        line = serial_port(path, BAUD)
+        line = serial_port(path, DEFAULT_BAUD)
         advice = OTHER_PORT
         line.open()
         advice = ""

@@ -5,7 +5,7 @@ from math import isfinite
 import pytest
 
 from endolock.scripts.checks import behaviour_checks
-from endolock.scripts.checks.strokes import Check
+from endolock.scripts.checks.check import Check
 from endolock.scripts.studies.verification import CHECKS
 from endolock.twin.world import instrument_files
 
