@@ -108,8 +108,9 @@ def followers() -> dict[tuple[str, str], batch.FinishedRun]:
             scenario=path,
             controller=law,
             vision="truth",
-            duration_s=100.0 if law == "repetitive" else 50.0,  # it learns over the periods
-            scored_from_s=80.0 if law == "repetitive" else 25.0,
+            # Two periods of the path; `repetitive` learns over the periods before.
+            duration_s=100.0 if law == "repetitive" else 36.0,
+            scored_from_s=80.0 if law == "repetitive" else 18.0,
         )
         for path, law in cases
     ]
