@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, fields
 from operator import index
 from pathlib import Path
@@ -208,7 +208,7 @@ class Experiment:
         task = self.resolve()
         scenario = task.scenario
         rig, eyes, until_closed = self._stage(task)  # a Ctrl-C meanwhile takes effect at once
-        with closing() as signals, until_closed:
+        with closing() as signals, until_closed, ExitStack() as afterwards:
             if signals:
                 raise KeyboardInterrupt
             controller = self._make(rig, task.settings)
@@ -217,6 +217,8 @@ class Experiment:
             folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
             if rig.line:
                 rig.line.record(path / run_folder.BUS_LOG)
+                if rig is self.rig:  # its line goes on without this run
+                    afterwards.callback(rig.line.stop_recording)
             start = time.perf_counter()
             shown = f"{label} {name}".strip()
             with folder, progress(shown, scenario.duration_s, show_progress) as update:
