@@ -17,7 +17,7 @@ class EndolockError(Exception):
     """Root of all errors that a user can meet.
 
     Args:
-        what: what was asked for and what was found instead.
+        what: what was expected and what was found instead.
         next_step: what to do about it; empty where there is nothing to do.
     """
 
@@ -45,7 +45,7 @@ class HardwareError(EndolockError, RuntimeError):
     """Something between the command and the handle went wrong (exit code 3).
 
     Args:
-        what: what was asked for and what was found instead.
+        what: what was expected and what was found instead.
         next_step: what to do about it.
         recovery: calls on the actuators to make after that, in order, such as `RESUME`.
         t: clock time of the event [s].
@@ -108,7 +108,7 @@ class DeviceFault(HardwareError):
     """A device or its guard stopped the motion; latched until `clear_fault()`.
 
     Args:
-        what: what was asked for and what was found instead.
+        what: what was expected and what was found instead.
         next_step: what to do about it.
         kind: what tripped, one of `Fault`.
         recovery: calls on the actuators that resume.

@@ -78,7 +78,7 @@ class Guard(Connecting):
 
     @property
     def limits(self) -> Limits:
-        """What may be asked for."""
+        """Limits of position and speed, counted from the present zero."""
         return self._drive.limits
 
     @property
@@ -322,7 +322,7 @@ class Guard(Connecting):
         try:
             self._goal = self._drive.hold() or self._goal
         except HardwareError as second:
-            add_second(fault, "and the command to hold failed", second)
+            add_second(fault, "the hold command failed", second)
 
     def _remember(self, reading: Reading, clipped: tuple[int, ...]) -> State:
         state = State(

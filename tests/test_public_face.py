@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,18 @@ def test_a_misspelt_name_lists_similar_ones() -> None:
         _ = endolock.TwinRg  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match=r"see endolock\.__all__"):
         _ = endolock.zzz  # type: ignore[attr-defined]
+
+
+def test_a_checkout_that_is_not_installed_has_a_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.delitem(vars(endolock), "__version__", raising=False)
+    monkeypatch.setattr(metadata, "version", missing)
+    try:
+        assert endolock.__version__ == "0+unknown"
+    finally:
+        vars(endolock).pop("__version__", None)
 
 
 def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:

@@ -175,7 +175,7 @@ class ServoDrive:
             try:
                 self._switch_off()
             except HardwareError as second:
-                add_second(error, "and torque could not be switched off again", second)
+                add_second(error, "torque could not be switched off again", second)
             raise
         self._on = True
 

@@ -24,7 +24,7 @@ def table(records: Sequence[RunRecord]) -> Table:
 
     Errors are in pixels, *seen* is the rms of the error that vision
     measured, *tip* and *handle* are
-    peak-to-peak angles on the axis that moved farther, *found* is the fraction of frames in which
+    peak-to-peak angles on the axis that moved more, *found* is the fraction of frames in which
     the target was found, *lost* the fraction of ticks without a lock, *speed* simulated time over
     wall-clock time. The last row of each scenario is that of the best constant handle angle.
     """
@@ -60,7 +60,7 @@ def table(records: Sequence[RunRecord]) -> Table:
 def legend(records: Sequence[RunRecord]) -> list[str]:
     """Return the lines that explain the columns of a table."""
     constant = any(record.constant_px and not record.interrupted for record in records)
-    return [*([CONSTANT] if constant else []), "tip, handle: of the axis that moved farther"]
+    return [*([CONSTANT] if constant else []), "tip, handle: on the axis that moved more"]
 
 
 def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:

@@ -26,6 +26,7 @@ from typing import Any
 import pyarrow as pa
 import tomli_w
 
+import endolock
 from endolock.control.loop import Seen, Tick
 from endolock.hw import files
 from endolock.hw.api import ConfigError
@@ -34,8 +35,8 @@ from endolock.scripts.runs.log_tables import FRAMES, TICKS, frame_row, tick_row
 
 BUS_LOG = "bus.log"
 """Every byte on the serial line to the handles, if there is one; see hw/dynamixel/bus_log.py."""
-PACKAGES = ("endolock", "mujoco", "numpy", "opencv-python-headless", "pyarrow")
-"""Packages whose versions go into run.toml."""
+PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "pyarrow")
+"""Packages whose versions go into run.toml, after that of endolock."""
 GROUP = 10
 """Rows written together in runs without pictures: single writes would take longer than the
 physics."""
@@ -212,7 +213,8 @@ def configuration(path: Path) -> dict[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    return {p: version(p) for p in PACKAGES} | {"python": platform.python_version()}
+    packages = {p: version(p) for p in PACKAGES}
+    return {"endolock": endolock.__version__, **packages, "python": platform.python_version()}
 
 
 def _without_none(value: Any) -> Any:

@@ -163,7 +163,7 @@ class VisionMeasurements:
         pixel.axhline(0.1, color="0.6", lw=1, ls="--")
         pixel.set(title="target by markers", ylabel="rms error [px]", xlabel="distance [mm]")
         depth.plot([15, 40], [1, 1], color="0.6", lw=1, ls="--")
-        depth.plot([60, 160], [0.1, 0.1], color="0.6", lw=1, ls="--", label="wanted")
+        depth.plot([60, 160], [0.1, 0.1], color="0.6", lw=1, ls="--", label="required")
         depth.set(title="depth by markers", ylabel="rms error [%]", xlabel="distance [mm]")
         pixel.legend(fontsize=8, frameon=False)
         depth.legend(fontsize=8, frameon=False)

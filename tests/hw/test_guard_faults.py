@@ -159,7 +159,7 @@ def test_a_fault_of_the_device_is_latched_too(bench: BenchDrive) -> None:
         assert guard.mode is Mode.FAULT
         assert e.value is fault
         # Where even holding fails, the first error says so; it is not replaced.
-        assert e.value.__notes__ == ["and the command to hold failed: motor 2 is hot"]
+        assert e.value.__notes__ == ["the hold command failed: motor 2 is hot"]
         bench.breaks = None
 
 

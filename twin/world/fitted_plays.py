@@ -24,9 +24,9 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
     """Fit plays to one axis of an instrument, as the quasi-static solver has it.
 
     Args:
-        instrument: what the endoscope is made of.
+        instrument: parameters of the endoscope.
         shaft_deg: bend of its shaft [deg].
-        radii: half-widths to be weighted [rad].
+        radii: half-widths of the plays, whose weights are fitted [rad].
     """
     handle = exercise()
     still = np.zeros(len(handle))
@@ -36,7 +36,7 @@ def plays_of(instrument: Instrument, shaft_deg: float, radii: tuple[float, ...] 
 
 
 def exercise(largest_rad: float = 1.4, step_rad: float = 0.02) -> Vector:
-    """Handle angles that go to and fro in strokes of all sizes, from rest [rad]."""
+    """Return handle angles: strokes of all sizes in both directions, from rest [rad]."""
     turns = [0.0]
     for share in (1.0, 0.6, 0.3, 0.1):
         turns += [share * largest_rad, -share * largest_rad, share * largest_rad, 0.0]

@@ -47,7 +47,7 @@ def load(source: str | Path | Instrument) -> Instrument:
         impossible = error.errors()[0].get("ctx", {}).get("error")
         if isinstance(impossible, ConfigError):
             raise ConfigError(f"{impossible.what}, in {source}", impossible.next_step) from None
-        what, next_step = files.first_problem(error, lambda _place: list(meanings()))
+        what, next_step = files.first_problem(error, lambda _section: list(meanings()))
         raise ConfigError(f"instrument {name}: {what}", next_step) from None
 
 

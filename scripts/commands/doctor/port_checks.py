@@ -24,7 +24,7 @@ from endolock.scripts.commands.doctor.motor_checks import (
 
 TIMER_MS = 1
 """Shortest time for which an FTDI adapter buffers received bytes [ms]."""
-OTHER_PORT = "see what the row serial says of it, or give a port that it lists"
+OTHER_PORT = "see the row 'serial', or give a port that it lists"
 """What to do where a port cannot be opened."""
 UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"
 UDEV_RULE = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'

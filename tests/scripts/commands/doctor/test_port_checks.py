@@ -386,7 +386,7 @@ def test_ports_that_cannot_be_opened_are_red_rows(tmp_path: Path) -> None:
             "port",
             False,
             "file is not a serial port (Inappropriate ioctl for device)",
-            "see what the row serial says of it, or give a port that it lists",
+            "see the row 'serial', or give a port that it lists",
         )
     ]
 
