@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, fields
-from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Rig
 from endolock.hw.bench.bench_file import Bench
 from endolock.scripts.runs import overrides, rigs, run_folder, theory
+from endolock.scripts.runs.experiment_fields import CONVERSIONS, converted, described
 from endolock.scripts.runs.progress import closing, progress
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.runs.target_path import hindsight
@@ -102,30 +102,10 @@ class Experiment:
     """Run folder, new or empty; one below runs/ named by time if None."""
 
     def __post_init__(self) -> None:
-        plain: dict[str, Callable[[Any], Any]] = {
-            "seed": index,
-            "latency_s": float,
-            "duration_s": float,
-            "scored_from_s": float,
-            "bench": Path,
-            "out": Path,
-            "vary": tuple,
-            "select": lambda values: tuple(index(value) for value in values),
-        }
         if isinstance(self.controller, Path):
             object.__setattr__(self, "controller", str(self.controller))
-        for name, convert in plain.items():
-            if (value := getattr(self, name)) is None and name not in ("seed", "vary"):
-                continue
-            try:
-                if isinstance(value, str) and name not in ("bench", "out"):
-                    raise TypeError
-                object.__setattr__(self, name, convert(value))
-            except (TypeError, ValueError):
-                wanted = self.__dataclass_fields__[name].type
-                raise ConfigError(f"{name} is {value!r}", f"use {wanted}") from None
-        if self.seed < 0:
-            raise ConfigError(f"seed {self.seed}", "use a whole number, 0 or more")
+        for name in CONVERSIONS:
+            object.__setattr__(self, name, converted(name, getattr(self, name)))
         if isinstance(self.rig, type) or not (
             isinstance(self.rig, str) or hasattr(self.rig, "camera")
         ):
@@ -240,15 +220,15 @@ class Experiment:
         if simulated and fresh and ran_s > scenario.scored_from_s:
             ran = scenario.model_copy(update={"duration_s": ran_s})
             needed, constant = hindsight(ran, task.instrument, self.seed)
-        described = self._described()
+        plain = self._described()
         record = RunRecord(
             **{field.name: getattr(scores, field.name) for field in fields(scores)},
             scenario=scenario.name,
             controller=self.controller_name,
             variation=overrides.label(self.vary),
-            rig=described["rig"],
-            instrument=described["instrument"],
-            vision=described["vision"],
+            rig=plain["rig"],
+            instrument=plain["instrument"],
+            vision=plain["vision"],
             seed=self.seed,
             duration_s=ran_s,
             scored_from_s=scenario.scored_from_s,
@@ -317,17 +297,5 @@ class Experiment:
         return registry.adopt(self.controller, calibration)
 
     def _described(self) -> dict[str, Any]:
-        """Return the fields as plain values for run.toml; objects by the name of their class."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name, value in values.items():
-            if name == "scenario" and isinstance(value, Scenario):
-                values[name] = value.name
-            elif name == "controller" and not isinstance(value, str):
-                values[name] = self.controller_name
-            elif name == "select" and value:
-                values[name] = ",".join(map(str, value))
-            elif isinstance(value, Path):
-                values[name] = str(value)
-            elif name in ("rig", "vision", "instrument") and not isinstance(value, str):
-                values[name] = type(value).__name__
-        return values
+        return described(values, self.controller_name)

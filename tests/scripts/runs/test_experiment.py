@@ -118,12 +118,12 @@ def test_a_rig_that_is_further_on_has_no_hindsight(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"seed": -1}, "seed -1; use a whole number"),
-        ({"seed": 1.5}, "seed is 1.5; use int"),
-        ({"seed": None}, "seed is None; use int"),
-        ({"duration_s": "2"}, "duration_s is '2'; use float"),
-        ({"vary": "law.ki=1"}, "vary is 'law.ki=1'; use tuple"),
-        ({"select": "1,2,30,30"}, "select is '1,2,30,30'; use "),
+        ({"seed": -1}, "seed -1; use a whole number, 0 or more"),
+        ({"seed": 1.5}, "seed 1.5; use a whole number"),
+        ({"seed": None}, "seed None; use a whole number"),
+        ({"duration_s": "2"}, "duration_s '2'; use a number of seconds"),
+        ({"vary": "law.ki=1"}, "vary 'law.ki=1'; use a tuple of texts"),
+        ({"select": "1,2,30,30"}, "select '1,2,30,30'; use left, top, width and height"),
         ({"rig": None}, "None is not a rig; give a name or an object"),
         ({"rig": TwinRig}, "is not a rig; give a name or an object"),
     ],
