@@ -102,8 +102,8 @@ def write_whole(path: Path, data: str | bytes, next_step: str) -> None:
         with _refusals(path, next_step):
             path.write_bytes(content)
         return
-    path = path.resolve()  # a link stays a link
-    with replacing(path.resolve() if path.is_symlink() else path, next_step) as part:
+    target = path.resolve() if path.is_symlink() else path  # a link stays a link
+    with replacing(target, next_step) as part:
         part.write_bytes(content)
 
 
