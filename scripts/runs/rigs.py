@@ -13,6 +13,7 @@ from endolock.hw.api import ConfigError, Rig
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
+from endolock.hw.lifecycle import close_after
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.physics.surrogate_plant import Transmission
 from endolock.twin.randomness import generator
@@ -174,26 +175,29 @@ def make(
             rendered here, or the selection is not on the board in the picture.
     """
     check(rig, vision, numerics)
+    _check_selection(select, vision)
+    made: AnyRig
     if rig.startswith(SERIAL):
-        real = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=scenario.camera.latency_s)
-        return real, eyes_of(real, vision, scenario, seed, select)
-    simulated = RIGS[rig].make(
-        RigParameters(
-            scenario=scenario,
-            instrument=instrument,
-            numerics=numerics,
-            seed=seed,
-            pictures=vision != "truth",
-            overview=overview,
+        latency_s = scenario.camera.latency_s
+        made = SerialRig(rig.removeprefix(SERIAL), bench, latency_s=latency_s)
+    else:
+        made = RIGS[rig].make(
+            RigParameters(
+                scenario=scenario,
+                instrument=instrument,
+                numerics=numerics,
+                seed=seed,
+                pictures=vision != "truth",
+                overview=overview,
+            )
         )
-    )
     try:
-        simulated.clock.sleep_until(0.0)
-        eyes = eyes_of(simulated, vision, scenario, seed, select)
-    except BaseException:
-        simulated.close()
+        if rig in RIGS:
+            made.clock.sleep_until(0.0)
+        return made, eyes_of(made, vision, scenario, seed, select)
+    except BaseException as error:
+        close_after(error, made.close)
         raise
-    return simulated, eyes
 
 
 def eyes_of(
@@ -216,8 +220,7 @@ def eyes_of(
         raise ConfigError(f"vision '{vision}' is unknown", f"use {' or '.join(VISIONS)}")
     if vision != "truth" and not getattr(rig, "pictures", True):
         raise ConfigError(f"the rig takes no pictures for {vision}", "use vision truth")
-    if select and vision != "track":
-        raise ConfigError(f"select goes with vision track, not with {vision}")
+    _check_selection(select, vision)
     calibration = rig.camera.calibration
     if vision == "markers":
         return MarkerEyes(calibration, rig.board)
@@ -231,6 +234,11 @@ def eyes_of(
         raise ConfigError("the rig has no truth", "use vision markers or track")
     noise = generator(seed, "vision.noise")
     return TruthEyes(rig.truth, scenario.camera.truth_noise_px, noise)
+
+
+def _check_selection(select: Selection | None, vision: str) -> None:
+    if select and vision != "track":
+        raise ConfigError(f"select goes with vision track, not with {vision}")
 
 
 def check(rig: str, vision: str, numerics: str = "default") -> None:
