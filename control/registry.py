@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
-from difflib import get_close_matches
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -28,6 +27,7 @@ from endolock.control.predictive.predictive_settings import (
 )
 from endolock.control.user_law import UserController
 from endolock.hw.api import Calibration, ConfigError, Truth
+from endolock.hw.errors import did_you_mean
 
 
 class Law(NamedTuple):
@@ -75,8 +75,7 @@ def check(name: str) -> None:
     if name.endswith(user_law.SUFFIX):
         user_law.load(name)
     elif name not in LAWS:
-        near = get_close_matches(name, LAWS, 1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(name, LAWS)
         known = ", ".join(sorted(LAWS))
         raise ConfigError(f"controller '{name}' is unknown", f"use {known} or a .py file{hint}")
 
@@ -105,8 +104,7 @@ def configure(
     names = [field.name for field in fields(settings)]
     for key in changes or {}:
         if key not in names:
-            near = get_close_matches(key, names, 1)
-            hint = f"; did you mean law.{near[0]}?" if near else ""
+            hint = did_you_mean(key, names, "law.")
             choice = f"it has {', '.join(sorted(names))}" if names else "it has no settings"
             raise ConfigError(f"{name} has no law.{key}", f"{choice}{hint}")
     values = {k: v for k, v in (known or {}).items() if k in names} | dict(changes or {})

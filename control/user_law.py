@@ -15,7 +15,6 @@ import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from difflib import get_close_matches
 from functools import lru_cache, partial
 from math import isfinite
 from pathlib import Path
@@ -23,6 +22,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
+from endolock.hw.errors import did_you_mean
 from endolock.vision.observation import Observation
 
 SUFFIX = ".py"
@@ -120,8 +120,7 @@ class UserLaw(NamedTuple):
         names = [p.name for p in parameters if p.kind is not inspect.Parameter.VAR_KEYWORD]
         for name in changes:
             if name not in names and len(names) == len(parameters):
-                near = get_close_matches(name, names, 1)
-                hint = f"; did you mean law.{near[0]}?" if near else ""
+                hint = did_you_mean(name, names, "law.")
                 choice = f"use {', '.join(names)}" if names else "its make has only calibration"
                 raise ConfigError(f"{self.file.name}: make has no parameter {name}", choice + hint)
         for p in parameters:

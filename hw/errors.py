@@ -6,6 +6,8 @@ The sentence is made at the edge: `str(error)` for programs, which can make the 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from functools import partial
 from typing import Any, Literal
 
@@ -144,6 +146,18 @@ def for_people(error: EndolockError) -> str:
         step = f"{step}, then {again}" if step else again
     notes = getattr(error, "__notes__", ())
     return "; ".join(part for part in (error.what, step, *notes) if part)
+
+
+def did_you_mean(name: str, known: Iterable[str], prefix: str = "") -> str:
+    """Return "; did you mean NAME?" for the known name nearest to one; empty where none is near.
+
+    Args:
+        name: as it was given.
+        known: names that exist.
+        prefix: stands before names for the reader, such as "law.".
+    """
+    near = get_close_matches(name, list(known), 1)
+    return f"; did you mean {prefix}{near[0]}?" if near else ""
 
 
 def add_second(first: BaseException, what: str, second: BaseException) -> None:

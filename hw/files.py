@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from endolock.hw.errors import ConfigError, EndolockError
+from endolock.hw.errors import ConfigError, EndolockError, did_you_mean
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls an unknown key, in models and in dataclasses."""
@@ -57,8 +57,7 @@ def read(kind: str, folder: str, source: str) -> tuple[dict[str, Any], str]:
     path = Path(source)
     if path.suffix.lower() == ".toml":
         return read_toml(path, kind, "check the path"), path.stem
-    near = get_close_matches(source, known, 1)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    hint = did_you_mean(source, known)
     raise ConfigError(
         f"{kind} '{source}' is unknown", f"use {', '.join(known)} or a .toml file{hint}"
     )
