@@ -15,8 +15,7 @@ import sys
 from pathlib import Path
 
 from endolock.hw.api import ConfigError, PortBusy, PortGone
-from endolock.hw.dynamixel.port import BY_ID
-from endolock.hw.errors import RESUME
+from endolock.hw.dynamixel.port import BY_ID, gone
 
 if sys.platform != "linux":
     raise ConfigError("this serial port is for Linux", "use endolock.hw.dynamixel.port.serial_port")
@@ -107,7 +106,7 @@ class SerialPort:
         try:
             set_any_baud(self._fd, baud)
         except (OSError, ValueError):  # ValueError: it is closed
-            raise self._gone() from None
+            raise gone(str(self._path)) from None
 
     def send(self, data: bytes) -> None:
         """Write all bytes; see `Port.send`."""
@@ -115,7 +114,7 @@ class SerialPort:
             while data:
                 data = data[self._push(data) :]
         except OSError:
-            raise self._gone() from None
+            raise gone(str(self._path)) from None
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what was received; see `Port.receive`."""
@@ -124,9 +123,9 @@ class SerialPort:
                 return b""
             data = os.read(self._fd, 4096)
         except OSError:
-            raise self._gone() from None
+            raise gone(str(self._path)) from None
         if not data:
-            raise self._gone()
+            raise gone(str(self._path))
         return data
 
     def close(self) -> None:
@@ -178,13 +177,5 @@ class SerialPort:
         return PortGone(
             f"{path} cannot be opened ({error.strerror})",
             "plug it in, and see endolock doctor",
-            t=0.0,
-        )
-
-    def _gone(self) -> PortGone:
-        return PortGone(
-            f"{self._path} is gone; the motors hold where they are, by their own watchdog",
-            "plug it in again",
-            recovery=RESUME,
             t=0.0,
         )

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Protocol
 
+from endolock.hw.errors import RESUME, PortGone
+
 DEFAULT_BAUD = 1_000_000
 """Default baud rate of a bench; `endolock doctor --set-up` sets motors to it [1/s]."""
 BITS = 10
@@ -63,3 +65,17 @@ def serial_port(path: str | Path, baud: int) -> Port:
     from endolock.hw.dynamixel.portable_port import PortablePort
 
     return PortablePort(path, baud)
+
+
+def gone(name: str) -> PortGone:
+    """Return the error for a port that was unplugged.
+
+    Args:
+        name: of the port.
+    """
+    return PortGone(
+        f"{name} is gone; the motors hold where they are, by their own watchdog",
+        "plug it in again",
+        recovery=RESUME,
+        t=0.0,
+    )

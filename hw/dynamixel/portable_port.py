@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endolock.hw.api import ConfigError, PortBusy, PortGone
-from endolock.hw.errors import RESUME
+from endolock.hw.dynamixel.port import gone
 
 try:
     import serial
@@ -60,14 +60,14 @@ class PortablePort:
         try:
             self._open.baudrate = baud
         except (serial.SerialException, OSError):
-            raise self._gone() from None
+            raise gone(self.name) from None
 
     def send(self, data: bytes) -> None:
         """Write all bytes."""
         try:
             self._open.write(data)
         except (serial.SerialException, OSError):
-            raise self._gone() from None
+            raise gone(self.name) from None
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what was received; wait at most this time for the first byte [s]."""
@@ -77,7 +77,7 @@ class PortablePort:
             first: bytes = port.read(max(1, port.in_waiting))
             return first + port.read(port.in_waiting) if first else first
         except (serial.SerialException, OSError, TypeError):  # TypeError: closed meanwhile
-            raise self._gone() from None
+            raise gone(self.name) from None
 
     def close(self) -> None:
         """Close it; may be called twice."""
@@ -88,13 +88,5 @@ class PortablePort:
     @property
     def _open(self) -> serial.Serial:
         if self._port is None:
-            raise self._gone()
+            raise gone(self.name)
         return self._port
-
-    def _gone(self) -> PortGone:
-        return PortGone(
-            f"{self.name} is gone; the motors hold where they are, by their own watchdog",
-            "plug it in again",
-            recovery=RESUME,
-            t=0.0,
-        )
