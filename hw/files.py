@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from endolock.hw.errors import ConfigError, EndolockError, did_you_mean
+from endolock.hw.strict import shown
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls an unknown key, in models and in dataclasses."""
@@ -76,11 +77,11 @@ def read_toml(path: Path, kind: str, next_step: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{kind} {path} is not TOML: {error}", "correct the file") from None
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(f"cannot read {kind} {path}: {reason}", next_step) from None
+    except (ValueError, RecursionError) as error:  # thousands of digits, or of brackets, too
+        raise ConfigError(f"{kind} {path} is not TOML: {error}", "correct the file") from None
 
 
 def write_whole(path: Path, data: str | bytes, next_step: str) -> None:
@@ -184,7 +185,7 @@ def _explained(problem: Any, where: str) -> tuple[str, str]:
         return "there may be several", f"write [[{where}]]"
     if kind == "model_type" and isinstance(value, list):
         return "there is only one", f"write [{where}]"
-    return f"{problem['msg'].replace('Input should be', 'should be')}, got {value!r}", ""
+    return f"{problem['msg'].replace('Input should be', 'should be')}, got {shown(value)}", ""
 
 
 def _models(folder: str) -> Any:
