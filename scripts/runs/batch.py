@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from endolock.hw.api import ConfigError, Vector
+from endolock.hw.child_processes import safe_path
 from endolock.scripts.runs import run_folder
 from endolock.scripts.runs.experiment import Experiment, Interrupted
 from endolock.scripts.runs.run_record import RunRecord
@@ -110,7 +111,7 @@ def each(
     Returns:
         The return values of `read`, None where a controller cannot be used on a task.
     """
-    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+    with safe_path(), multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         try:
             return pool.map(partial(_run, read=read), experiments, chunksize=1)
         except _WorkerInterruptedError as stop:

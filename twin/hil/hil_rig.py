@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from endolock.hw import child_processes
 from endolock.hw.api import (
     Calibration,
     Clock,
@@ -148,10 +149,12 @@ class _Far:
         ours, theirs = socket.socketpair()
         with theirs:
             theirs.set_inheritable(True)
-            command = [sys.executable, "-m", "endolock.twin.hil.hil_server", str(theirs.fileno())]
+            number = theirs.fileno()
             # In its own session it does not receive Ctrl-C, so that we can stop the handles first.
             self._process = subprocess.Popen(
-                command, pass_fds=[theirs.fileno()], start_new_session=True
+                child_processes.command("endolock.twin.hil.hil_server", str(number)),
+                pass_fds=[number],
+                start_new_session=True,
             )
         self._channel: Connection | None = Connection(ours.detach())
 
