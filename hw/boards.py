@@ -13,6 +13,9 @@ from typing import NamedTuple
 from endolock.hw.api import BoardGeometry
 
 DICTIONARY = "DICT_4X4_50"
+INSTEAD = {8: 20, 9: 21, 17: 22}
+"""Ids replaced by others: the markers 8, 9, 17 and 47 of this dictionary equal their mirror images,
+so that a mirrored picture would be believed."""
 SIZE_M = 0.100
 
 
@@ -54,7 +57,7 @@ def _print(
 ) -> PrintedBoard:
     """Make a board with numbered markers of these sizes at these points."""
     squares = [(x, y, size) for size, row in rows for x, y in row]
-    markers = tuple((n, x, y, size) for n, (x, y, size) in enumerate(squares))
+    markers = tuple((INSTEAD.get(n, n), x, y, size) for n, (x, y, size) in enumerate(squares))
     target = patches[0].x, patches[0].y
     geometry = BoardGeometry(dictionary=DICTIONARY, markers=markers, size_m=SIZE_M, target=target)
     return PrintedBoard(geometry, patches)

@@ -36,6 +36,9 @@ MARGIN = 0.35
 """Margin of the region that is searched around the last corners, relative to its size. Assumed: a
 board of 100 px moves by less than 35 px between frames in all scenarios but `jump`."""
 
+MIRRORED = "mirrored: the camera's picture is flipped; switch that off where the picture is made"
+"""Refusal of a picture in which the board's markers are seen in a mirror."""
+
 
 class BoardFit(NamedTuple):
     """A fitted board: target pixel, covariance (uu, uv, vv) [px2] and depth [m], and pose."""
@@ -101,8 +104,8 @@ class MarkerEyes:
             if len(found) >= len(self._near) and not isinstance(fit, str):
                 self._near = found
                 return found, fit
-        found = self._detect(grey)
-        fit = self.fit(found)
+        found, mirrored = self._detect.look(grey)
+        fit = MIRRORED if mirrored >= max(MIN_MARKERS, len(found) + 1) else self.fit(found)
         self._near = [] if isinstance(fit, str) else found
         return found, fit
 

@@ -15,7 +15,7 @@ from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.vision import camera_model, refusal
 from endolock.vision.feature_tracker import FeatureTracker
 from endolock.vision.grey import grey_of
-from endolock.vision.marker_eyes import BoardFit, MarkerEyes
+from endolock.vision.marker_eyes import MIRRORED, BoardFit, MarkerEyes
 from endolock.vision.observation import Lock, Observation
 
 HALF_PX = 20
@@ -64,6 +64,8 @@ class TrackEyes:
         grey = grey_of(frame.image)
         found, fit = self._markers.look(frame)
         corners = tuple((float(u), float(v)) for four, _ in found for u, v in four)
+        if fit == MIRRORED:
+            return replace(blank, status=self._lock.step(False), why=fit, corners_px=corners)
         if self._tracker is None:
             why = self._start(grey, fit)
             if why:

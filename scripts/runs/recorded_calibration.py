@@ -12,6 +12,8 @@ from endolock.vision import calibration as calibrations
 from endolock.vision.detector import Marker, MarkerDetector
 from endolock.vision.grey import grey_of, smoothed
 
+UNFLIP = "switch that off where the picture is made, and record it again"
+
 
 def calibrate(
     source: Path,
@@ -37,6 +39,7 @@ def calibrate(
     recording = recordings.open_(source, times=times, calibration=None, board=board)
     detect = MarkerDetector(recording.board)
     views: list[list[Marker]] = []
+    flipped = 0
     size: tuple[int, int] | None = None
     progress("detecting the board")
     for frame in recording.frames:
@@ -46,6 +49,10 @@ def calibrate(
         if size not in (None, (width, height)):
             raise ConfigError(f"pictures of {source} differ in size", "use pictures of one camera")
         size = width, height
-        views.append(detect(smoothed(grey_of(frame.image))))
+        found, mirrored = detect.look(smoothed(grey_of(frame.image)))
+        views.append(found)
+        flipped += mirrored > len(found)
+    if flipped > len(views) / 2:
+        raise ConfigError(f"{source} is mirrored: the camera's picture is flipped", UNFLIP)
     progress("calibrating")
     return calibrations.calibrate(views, recording.board, size or (0, 0), projection)
