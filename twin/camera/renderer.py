@@ -15,7 +15,7 @@ import mujoco
 
 import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
-from endolock.twin.camera import optics
+from endolock.twin.camera import forks, optics
 from endolock.twin.randomness import generator
 from endolock.twin.world.scenario_sections import CameraSettings
 
@@ -45,8 +45,9 @@ class Renderer:
         """Draw one picture, RGB; positions of bodies, cameras and lights must be current.
 
         Raises:
-            ConfigError: off-screen rendering is not available, the renderer is closed, or the first
-                picture was drawn in another thread.
+            ConfigError: off-screen rendering is not available, the renderer is closed, the first
+                picture was drawn in another thread, or this process was forked from one that
+                rendered.
         """
         if self._closed:
             raise ConfigError("this rig is closed and takes no pictures", "make a new one")
@@ -56,6 +57,7 @@ class Renderer:
                 "sleep on the clock of a rig in one thread only",
             )
         self._thread = threading.get_ident()
+        forks.check_first_use()
         renderer = self._renderers.get((width, height))
         if renderer is None:
             renderer = self._renderers[width, height] = self._make(width, height)
