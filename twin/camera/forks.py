@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 from endolock.hw.api import ConfigError
 
@@ -37,7 +38,7 @@ def check_first_use() -> None:
 def _after_fork() -> None:
     """Note in a new process what its parent did, also by MuJoCo's own renderer."""
     global _inherited
-    egl = sys.modules.get("mujoco.egl")
+    egl: Any = sys.modules.get("mujoco.egl")
     if _used or (egl is not None and egl.EGL_DISPLAY is not None):
         _inherited = True
     if egl is not None:
