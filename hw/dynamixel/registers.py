@@ -1,8 +1,8 @@
 """The control table of Dynamixel X-series servos, as far as handles use it, and its units.
 
 Reference:
-    ROBOTIS e-Manual, "XM430-W350", control table; other X series of the sizes 430 and 540 have the
-    same addresses, those of the size 330 have their indirect data elsewhere.
+    ROBOTIS e-Manual, "XM430-W350", control table; all entries of `models.MODELS` have the same
+    addresses. Models of the size 330 have their indirect data at 208.
 """
 
 from __future__ import annotations
@@ -42,6 +42,10 @@ class Register(NamedTuple):
         """Return the signed value of these bytes."""
         return int.from_bytes(data, "little", signed=True)
 
+    def unsigned(self, value: int) -> int:
+        """Return a signed value of this register as an unsigned one."""
+        return value & (1 << 8 * self.size) - 1
+
 
 MODEL = Register(0, 2)
 FIRMWARE = Register(6, 1)
@@ -50,17 +54,27 @@ BAUD = Register(8, 1)
 RETURN_DELAY = Register(9, 1)
 DRIVE_MODE = Register(10, 1)
 OPERATING_MODE = Register(11, 1)
+SECONDARY_ID = Register(12, 1)
+PROTOCOL = Register(13, 1)
 HOMING_OFFSET = Register(20, 4)
+PWM_LIMIT = Register(36, 2)
 CURRENT_LIMIT = Register(38, 2)
+VELOCITY_LIMIT = Register(44, 4)
 MAX_POSITION = Register(48, 4)
 MIN_POSITION = Register(52, 4)
+STARTUP = Register(60, 1)
 SHUTDOWN = Register(63, 1)
 TORQUE_ENABLE = Register(64, 1)
 STATUS_LEVEL = Register(68, 1)
 REGISTERED = Register(69, 1)
 HARDWARE_ERROR = Register(70, 1)
+POSITION_D = Register(80, 2)
+POSITION_I = Register(82, 2)
 POSITION_P = Register(84, 2)
+FEEDFORWARD_2 = Register(88, 2)
+FEEDFORWARD_1 = Register(90, 2)
 WATCHDOG = Register(98, 1)
+GOAL_PWM = Register(100, 2)
 GOAL_CURRENT = Register(102, 2)
 PROFILE = Register(108, 8)
 """Acceleration and velocity of the device's own ramp; zero disables it."""
@@ -91,6 +105,12 @@ LARGEST_GOAL = 1_048_575
 """Largest goal in extended position mode, in either direction [counts]."""
 OLDEST_FIRMWARE = 38
 """First version with a bus watchdog. Source: e-Manual."""
+STARTUP_FIRMWARE = 45
+"""First version with a startup configuration. Source: e-Manual."""
+FULL_PWM = 885
+"""Limit of the PWM that is none [1/885 of the supply]. Source: e-Manual."""
+NO_SECONDARY_ID = 253
+"""From this value on a motor has no secondary id. Source: e-Manual."""
 BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """Baud rates, indexed by the value of their register."""
 
@@ -121,7 +141,7 @@ def unpack(data: bytes) -> Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of one count of a register; the defaults are those of the X series."""
+    """Units of one count of a register; the defaults are those of an XM430-W350."""
 
     position_rad: float = 2 * pi / TURN
     """Position [rad]."""
@@ -139,5 +159,9 @@ HARDWARE_ERRORS: dict[int, tuple[Fault, str, str]] = {
     0x20: ("overload", "its load is too high for too long", "free the handle"),
 }
 """Bits of the hardware error register: kind, what happened, what to do first."""
+NAMES: dict[int, str] = {
+    value.address: name for name, value in list(globals().items()) if isinstance(value, Register)
+}
+"""Names of the registers by address, as in hw/PROTOCOL.md."""
 DEFAULT_SHUTDOWN = 0x34
 """Hardware errors that switch torque off: overload, electrical shock, overheat."""

@@ -27,6 +27,7 @@ from endolock.hw.dynamixel.packets import (
     split_fast,
 )
 from endolock.hw.dynamixel.port import Port
+from endolock.hw.dynamixel.refusals import explained
 from endolock.hw.dynamixel.registers import Register
 from endolock.hw.lifecycle import close_all
 
@@ -255,11 +256,10 @@ class Bus:
                 if error == Refusal.CRC:
                     continue
                 if error:
-                    why = Refusal(error).text if error in list(Refusal) else f"error {error}"
+                    what, step = explained(kind, parameters, error)
                     raise HardwareError(
-                        f"handle motor {self._named(device)} refused to "
-                        f"{kind.name.lower()} {parameters.hex(' ')} ({why})",
-                        "see its control table in hw/PROTOCOL.md",
+                        f"handle motor {self._named(device)} {what}",
+                        step,
                         t=self._clock.now(),
                         axis=self._names.get(device),
                     )

@@ -18,7 +18,7 @@ from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel import servo_setup
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.registers import Block, Register, Units
-from endolock.hw.dynamixel.servo_setup import Link
+from endolock.hw.dynamixel.servo_setup import Identity, Link, Prepared
 from endolock.hw.errors import RESUME, add_second
 from endolock.hw.lifecycle import close_after, close_all
 
@@ -45,7 +45,7 @@ class ServoDrive:
         link: connects to the servos.
         clock: stamps the readings.
         handles: how each servo drives its wheel, by axis.
-        units: units of their registers; those of the X series if None.
+        units: units of their registers; those of each motor's model if None.
         watchdog_s: see `WATCHDOG_S`; a multiple of 20 ms.
     """
 
@@ -60,8 +60,10 @@ class ServoDrive:
         self.axes = tuple(handles)
         self.clock = clock
         self._link, self._handles = link, tuple(handles.values())
-        self._units = units or Units()
-        self._step = tuple(h.unit_rad(self._units.position_rad) for h in self._handles)
+        self._given_units = units
+        self._units = tuple(units or Units() for _ in self._handles)
+        self._motors: tuple[Prepared, ...] = ()
+        self._step = self._steps()
         self._watchdog = round(watchdog_s / reg.WATCHDOG_UNIT_S)
         self._zeros: list[int | None] = [handle.zero_counts for handle in self._handles]
         self._calibrated = list(self._zeros)  # what the handles' ranges are counted from
@@ -77,12 +79,17 @@ class ServoDrive:
         self._measured = (clock.now(), 0.0)  # when, and how surely
 
     def describe(self) -> dict[str, Any]:
-        """Return the settings of the drive as plain values, with the present zeros."""
+        """Return the settings of the drive as plain values, with the present zeros.
+
+        Once it is open, `motor` holds the registers of each motor; `units` are those of the first.
+        """
         rows = zip(self.axes, self._handles, self._zeros, strict=True)
+        motors = zip(self.axes, self._motors, strict=False)  # none before it is open
         return {
             "watchdog_s": self._watchdog * reg.WATCHDOG_UNIT_S,
-            "units": asdict(self._units),
+            "units": asdict(self._units[0]),
             "handle": {a: {**h.model_dump(), "zero_counts": z} for a, h, z in rows},
+            "motor": {axis: asdict(motor) for axis, motor in motors},
         }
 
     def open(self) -> None:
@@ -108,8 +115,8 @@ class ServoDrive:
             HardwareError: that fails.
         """
         self._link.open()
+        self._identify()
         for axis, handle in zip(self.axes, self._handles, strict=True):
-            self._link.ping(handle.id)
             if self._link.read(handle.id, reg.HARDWARE_ERROR):
                 self._link.reboot(handle.id)
                 servo_setup.await_restart(self._link, self.clock, axis, handle.id)
@@ -239,10 +246,15 @@ class ServoDrive:
                 raise self._still_on(index)
 
     def _set_up(self) -> None:
-        """Set all motors up for cycles; torque off."""
+        """Set all motors up for cycles; torque off. Nothing is written before all are known."""
+        found = self._identify()
         self._switch_off()
-        for axis, handle in zip(self.axes, self._handles, strict=True):
-            servo_setup.prepare(self._link, self.clock, axis, handle, self._units)
+        handles = dict(zip(self.axes, self._handles, strict=True))
+        self._motors = tuple(
+            servo_setup.prepare(self._link, self.clock, handles, found, self._given_units)
+        )
+        self._units = tuple(motor.units for motor in self._motors)
+        self._step = self._steps()
         self._offset = [inf] * len(self._handles)
         fresh, _ = self._cycle(None)
         for index, block in enumerate(self._blocks):
@@ -258,6 +270,15 @@ class ServoDrive:
                     axis=self.axes[index],
                 )
             self._check(index, block)
+
+    def _identify(self) -> list[Identity]:
+        handles = dict(zip(self.axes, self._handles, strict=True))
+        return servo_setup.identify(self._link, self.clock, handles)
+
+    def _steps(self) -> tuple[float, ...]:
+        """Return the angle of each handle per count [rad]."""
+        rows = zip(self._handles, self._units, strict=True)
+        return tuple(handle.unit_rad(units.position_rad) for handle, units in rows)
 
     def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
         """Do one cycle; return which motors answered, and the reading."""
@@ -289,10 +310,9 @@ class ServoDrive:
 
     def _reading(self, fresh: list[bool], t: float, t_err: float) -> Reading:
         blocks = [block or _NOTHING for block in self._blocks]
-        units = self._units
         signs = [handle.direction / handle.ratio for handle in self._handles]
-        speeds = zip(blocks, signs, strict=True)
-        currents = zip(blocks, self._handles, strict=True)
+        speeds = zip(blocks, self._units, signs, strict=True)
+        currents = zip(blocks, self._units, self._handles, strict=True)
         tick = blocks[0].tick
         if self._offset[0] != inf:
             period = reg.TICK_PERIOD
@@ -301,8 +321,8 @@ class ServoDrive:
             t=t,
             t_err=t_err,
             position=self.angles([block.position for block in blocks]),
-            velocity=tuple(b.velocity * units.velocity_rad_s * s for b, s in speeds),
-            current=tuple(b.current * units.current_a * h.direction for b, h in currents),
+            velocity=tuple(b.velocity * u.velocity_rad_s * s for b, u, s in speeds),
+            current=tuple(b.current * u.current_a * h.direction for b, u, h in currents),
             fresh=all(fresh),
             device_tick=tick,
             goal=self.angles([block.goal for block in blocks]),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from struct import pack
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from endolock.hw.api import Clock, LinkLost, StateError
+from endolock.hw.dynamixel import models
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.models import Model
 from endolock.hw.dynamixel.registers import Register, Units
 from endolock.hw.dynamixel.servo_bus import Accept, Cycle
+from endolock.hw.dynamixel.settings import SETTINGS, Policy, Setting, Wish
 
 RESTART_S = 1.0
 """Longest time until a motor answers again after a reboot [s]. Assumed: X series take 0.3 s."""
@@ -41,55 +45,156 @@ class Link(Protocol):
         """Send all goals, read all blocks."""
 
 
-def prepare(link: Link, clock: Clock, axis: str, handle: Handle, units: Units) -> None:
-    """Set one motor up so that its blocks can be read; torque is off.
+class Identity(NamedTuple):
+    """Which motor it is."""
+
+    model: Model
+    firmware: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """One motor after connecting, as run.toml describes it."""
+
+    model: str
+    firmware: int
+    units: Units
+    registers: dict[str, int]
+    """Value of each of `settings.SETTINGS` by name, read after everything was written."""
+    changed: tuple[str, ...]
+    """What was written because another program had left it otherwise."""
+
+
+def identify(link: Link, clock: Clock, handles: Mapping[str, Handle]) -> list[Identity]:
+    """Find out which motors these are, without a write; only then let them answer to everything.
 
     Args:
-        link: connects to it.
+        link: connects to them.
         clock: stamps errors.
-        axis: the axis that it turns.
-        handle: how it drives its wheel.
-        units: units of its registers.
+        handles: how each drives its wheel, by axis.
 
     Raises:
-        StateError: it cannot be used as it is set.
-        HardwareError: it refuses, or does not answer.
+        StateError: one has no entry in `models.MODELS`, or too old a firmware; nothing was written.
+        HardwareError: one does not answer.
     """
-    device = handle.id
-    _, firmware = link.ping(device)
-    if firmware < reg.OLDEST_FIRMWARE:
-        raise StateError(
-            f"handle motor {device} ({axis}) has firmware {firmware}, without a bus watchdog",
-            f"update it to {reg.OLDEST_FIRMWARE} or newer",
-            t=clock.now(),
-            axis=axis,
-        )
-    if offset := link.read(device, reg.HOMING_OFFSET):
-        raise StateError(
-            f"handle motor {device} ({axis}) has a homing offset of {offset} counts, with which "
-            "it would creep after its watchdog has stopped it",
-            "set it to 0, and its zero again, with endolock doctor --port PORT --set-up",
-            t=clock.now(),
-            axis=axis,
-        )
-    mode = reg.EXTENDED_POSITION if handle.current_limit_a is None else reg.CURRENT_POSITION
-    # Written only where it differs: the EEPROM has a limited number of write cycles.
-    for register, value in (
-        (reg.OPERATING_MODE, mode),
-        (
-            reg.DRIVE_MODE,
-            0,
-        ),  # not reversed, no time-based profile, torque never switched on by a goal
-        (reg.RETURN_DELAY, 0),
-    ):
-        if link.read(device, register) != value:
-            link.write(device, register, value)
-    link.write(device, reg.STATUS_LEVEL, 2)
-    link.write(device, reg.PROFILE, bytes(reg.PROFILE.size))
-    if handle.current_limit_a is not None:
-        link.write(device, reg.GOAL_CURRENT, round(handle.current_limit_a / units.current_a))
+    found = []
+    for axis, handle in handles.items():
+        number, firmware = link.ping(handle.id)  # answered whatever the status return level is
+        who = f"handle motor {handle.id} ({axis})"
+        model = models.MODELS.get(number)
+        if model is None:
+            raise StateError(
+                f"{who} is not usable, and nothing was written to it: {models.described(number)}",
+                models.FIT,
+                t=clock.now(),
+                axis=axis,
+            )
+        if firmware < model.oldest_firmware:
+            raise StateError(
+                f"{who} has firmware {firmware}, without a bus watchdog",
+                f"update it to {model.oldest_firmware} or newer",
+                t=clock.now(),
+                axis=axis,
+            )
+        found.append(Identity(model, firmware))
+    for handle in handles.values():
+        # A lower level leaves this write unanswered, but not the one that is sent again.
+        link.write(handle.id, reg.STATUS_LEVEL, 2)
+    return found
+
+
+def prepare(
+    link: Link,
+    clock: Clock,
+    handles: Mapping[str, Handle],
+    found: Sequence[Identity],
+    units: Units | None,
+) -> list[Prepared]:
+    """Set all motors up so that goals mean what they should; torque is off.
+
+    What is kept without power is set at all motors before anything else at any: a motor with a
+    secondary id would obey what is meant for another one.
+
+    Args:
+        link: connects to them.
+        clock: stamps errors.
+        handles: how each drives its wheel, by axis.
+        found: see `identify`.
+        units: units of their registers; those of each model if None.
+
+    Raises:
+        StateError: one cannot be used as it is set.
+        HardwareError: one refuses, does not answer, or does not keep what was written.
+    """
+    motors = [
+        _Motor(link, clock, axis, Wish(handle=h, model=f.model, units=units or f.model.units), f)
+        for (axis, h), f in zip(handles.items(), found, strict=True)
+    ]
+    for motor in motors:
+        motor.refuse()
+    for kept in (True, False):
+        for motor in motors:
+            motor.write(kept)
     gathered = pack(f"<{reg.BLOCK_SIZE}H", *reg.BLOCK_ADDRESSES)
-    link.write(device, reg.INDIRECT_ADDRESS, gathered)
+    for motor in motors:
+        link.write(motor.device, reg.INDIRECT_ADDRESS, gathered)
+    return [motor.checked() for motor in motors]
+
+
+class _Motor:
+    """One motor while it is set up."""
+
+    def __init__(self, link: Link, clock: Clock, axis: str, wish: Wish, found: Identity) -> None:
+        self._link, self._clock, self._axis = link, clock, axis
+        self._wish, self._found = wish, found
+        self.device = wish.handle.id
+        self._settings = [s for s in SETTINGS if found.firmware >= s.since]
+        self._changed: list[str] = []
+
+    def refuse(self) -> None:
+        """Raise an error for a value that only somebody else may change."""
+        for setting in self._settings:
+            if setting.policy is Policy.REFUSE:
+                value = self._read(setting)
+                if setting.differs(value, self._wish):
+                    raise self._unusable(setting, value)
+
+    def write(self, kept: bool) -> None:
+        """Write what differs: the EEPROM has a limited number of write cycles."""
+        for setting in self._settings:
+            wanted = setting.wanted(self._wish)
+            if setting.kept is not kept or setting.policy is not Policy.SET or wanted is None:
+                continue
+            value = self._read(setting)
+            if setting.differs(value, self._wish):
+                self._link.write(self.device, setting.register, setting.register.encode(wanted))
+                self._changed.append(f"{setting.name} {value} -> {wanted}")
+
+    def checked(self) -> Prepared:
+        """Read all settings again: an answer has no number, it may have been to another request."""
+        registers = {}
+        for setting in self._settings:
+            value = registers[setting.name] = self._read(setting)
+            if setting.differs(value, self._wish):
+                raise self._unusable(setting, value)
+        return Prepared(
+            model=self._wish.model.name,
+            firmware=self._found.firmware,
+            units=self._wish.units,
+            registers=registers,
+            changed=tuple(self._changed),
+        )
+
+    def _read(self, setting: Setting) -> int:
+        return setting.value(self._link.read(self.device, setting.register))
+
+    def _unusable(self, setting: Setting, value: int) -> StateError:
+        return StateError(
+            f"handle motor {self.device} ({self._axis}) has a {setting.problem(value, self._wish)}",
+            setting.cure,
+            t=self._clock.now(),
+            axis=self._axis,
+        )
 
 
 def await_restart(link: Link, clock: Clock, axis: str, device: int) -> None:

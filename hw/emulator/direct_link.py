@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from endolock.hw.api import Clock, HardwareError
 from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.packets import Instruction
+from endolock.hw.dynamixel.refusals import explained
 from endolock.hw.dynamixel.registers import Register
 from endolock.hw.dynamixel.servo_bus import Accept, Cycle
 from endolock.hw.emulator.servo_model import Refused, Servo
@@ -43,10 +45,10 @@ class DirectLink:
         try:
             self._servo(device).write(register.address, value)
         except Refused as refused:
+            request = register.address.to_bytes(2, "little") + value
+            what, step = explained(Instruction.WRITE, request, refused.why)
             raise HardwareError(
-                f"handle motor {device} refused to write register {register.address} ({refused})",
-                "see its control table in hw/PROTOCOL.md",
-                t=self._clock.now(),
+                f"handle motor {device} {what}", step, t=self._clock.now()
             ) from None
 
     def reboot(self, device: int) -> None:

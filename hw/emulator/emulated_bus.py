@@ -6,6 +6,7 @@ Packets that are damaged or addressed to no servo are not answered, as on a real
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from struct import unpack_from
 from typing import Protocol
 
@@ -77,12 +78,14 @@ class EmulatedBus:
         self._last_s = now
         answers: list[bytes] = []
         for packet in self._parser.feed(data):
-            here = [s for s in self.servos if s.awake and baud in (None, s.baud)]
+            here = [s for s in self.servos if s.awake and s.understands and baud in (None, s.baud)]
             answers += self._answer(packet, here)
         return answers
 
     def _answer(self, packet: Packet, here: list[Servo]) -> list[bytes]:
         if packet.id != BROADCAST:
+            if packet.instruction in (Instruction.WRITE, Instruction.REG_WRITE):
+                self._shadow(packet, here)
             here = [servo for servo in here if servo.id == packet.id]
         for servo in here:
             servo.heard()
@@ -99,6 +102,21 @@ class EmulatedBus:
             return []
         level = 1 if packet.instruction == Instruction.READ else 2
         return [self._status(servo, why) for servo in here if servo.status_level >= level]
+
+    def _shadow(self, packet: Packet, here: list[Servo]) -> None:
+        """Let servos with this secondary id obey too, without an answer and but for the EEPROM."""
+        for servo in here:
+            if servo.id == packet.id or servo.secondary_id != packet.id:
+                continue
+            servo.heard()
+            address = int.from_bytes(packet.parameters[:2], "little")
+            if address < reg.EEPROM_END:
+                continue
+            with suppress(Refused):
+                if packet.instruction == Instruction.WRITE:
+                    servo.write(address, packet.parameters[2:])
+                else:
+                    servo.register(address, packet.parameters[2:])
 
     def _ping(self, _packet: Packet, here: list[Servo]) -> list[bytes]:
         answers = []
@@ -225,10 +243,9 @@ def _numbers(parameters: bytes) -> tuple[int, ...]:
 
 
 def _write_silently(here: list[Servo], device: int, address: int, data: bytes) -> None:
-    """Write to one of several servos, without an answer, also where it refuses."""
+    """Write to those with this id or secondary id, without an answer, also where one refuses."""
     for servo in here:
-        if servo.id == device:
-            try:
+        shadow = servo.secondary_id == device and address >= reg.EEPROM_END
+        if servo.id == device or shadow:
+            with suppress(Refused):
                 servo.write(address, data)
-            except Refused:
-                return

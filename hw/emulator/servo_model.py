@@ -9,8 +9,7 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping
 from math import inf
 from operator import itemgetter
 from struct import Struct, unpack_from
@@ -18,63 +17,24 @@ from typing import Protocol
 
 from endolock.hw.api import Fault
 from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.models import XM430_W350, Model
 from endolock.hw.dynamixel.packets import Refusal
 from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import Register, Units
+from endolock.hw.emulator import control_table
 
-XM430_W350 = 1020
-"""Model number."""
-FIRMWARE = 45
 CENTRE = 2048
 """Position of a motor that starts at angle zero [counts]."""
 OVERLOAD_A, OVERLOAD_S = 1.0, 1.0
 """A current above this for this time is an overload [A], [s]. Assumed: it stalls at 2.3 A."""
 LARGEST_WORD = 32767
+REVERSED, TORQUE_BY_GOAL = 0x01, 0x08
+"""Bits of the drive mode."""
+STARTS_WITH_TORQUE, RESTORES = 0x01, 0x02
+"""Bits of the startup configuration."""
 _MEASURED = Struct("<hii")
-_FACTORY: tuple[tuple[Register, int], ...] = (
-    (reg.MODEL, XM430_W350),
-    (reg.FIRMWARE, FIRMWARE),
-    (reg.RETURN_DELAY, 250),
-    (reg.OPERATING_MODE, 3),
-    (Register(13, 1), 2),  # protocol
-    (Register(31, 1), 80),  # temperature limit
-    (Register(32, 2), 160),  # voltage limits
-    (Register(34, 2), 95),
-    (Register(36, 2), 885),  # PWM limit
-    (reg.CURRENT_LIMIT, 1193),
-    (Register(44, 4), 200),  # velocity limit
-    (reg.MAX_POSITION, 4095),
-    (reg.SHUTDOWN, reg.DEFAULT_SHUTDOWN),
-)
-_STARTED: tuple[tuple[Register, int], ...] = (
-    (reg.STATUS_LEVEL, 2),
-    (reg.POSITION_P, 800),
-    (reg.GOAL_CURRENT, 1193),
-    (reg.VOLTAGE, 120),
-    (reg.TEMPERATURE, 30),
-)
-_READ_ONLY = (range(7), range(reg.REGISTERED.address, 71), range(120, 168))
 _GOALS = (range(100, 108), range(reg.GOAL_POSITION.address, 120))
 """Read-only after the watchdog has tripped."""
-_RANGES: dict[Register, tuple[int, int]] = {
-    reg.BAUD: (0, 7),
-    reg.OPERATING_MODE: (0, 16),
-    reg.TORQUE_ENABLE: (0, 1),
-    reg.WATCHDOG: (0, 127),
-    reg.GOAL_POSITION: (-reg.LARGEST_GOAL, reg.LARGEST_GOAL),
-}
-_REACTING = {register.address: register for register in (*_RANGES, reg.HOMING_OFFSET)}
-
-
-@lru_cache
-def _touched(address: int, size: int) -> tuple[Register, ...]:
-    """Return the registers that react when these bytes are written."""
-    return tuple(r for a, r in _REACTING.items() if address < a + r.size and address + size > a)
-
-
-@lru_cache
-def _read_only(address: int, size: int) -> bool:
-    return any(address < r.stop and address + size > r.start for r in _READ_ONLY)
 
 
 class Refused(Exception):
@@ -109,7 +69,8 @@ class Servo:
         motor: the mechanism that it turns.
         device: its id.
         now: returns the time [s].
-        units: units of its registers.
+        model: its model.
+        units: units of its registers; those of its model if None.
         reboot_s: time without answers after a reboot or a short loss of power [s].
         baud: its baud rate, one of `registers.BAUDS` [1/s].
     """
@@ -120,19 +81,21 @@ class Servo:
         *,
         device: int,
         now: Callable[[], float],
+        model: Model = XM430_W350,
         units: Units | None = None,
         reboot_s: float = 0.0,
         baud: int = DEFAULT_BAUD,
     ) -> None:
-        self._motor, self._units = motor, units or Units()
+        self._motor, self._model, self._units = motor, model, units or model.units
         self.now = now
         self.reboot_s = reboot_s
         self._table = bytearray(reg.END)
         self._store(reg.ID, device)
         self._store(reg.BAUD, reg.BAUDS.index(baud))
-        for register, value in _FACTORY:
+        for register, value in control_table.sold(model).items():
             self._store(register, value)
         self._shift = self._offset = 0
+        self._sign, self._strong = 1, True
         self._started = 0.0
         self._heard = 0.0
         self._overloaded: float | None = None
@@ -145,6 +108,17 @@ class Servo:
     def id(self) -> int:
         """Its id on the bus."""
         return self._table[reg.ID.address]
+
+    @property
+    def secondary_id(self) -> int | None:
+        """A second id, to which it listens without an answer."""
+        value = self._table[reg.SECONDARY_ID.address]
+        return value if value < reg.NO_SECONDARY_ID else None
+
+    @property
+    def understands(self) -> bool:
+        """Whether it is set to protocol 2.0."""
+        return self._table[reg.PROTOCOL.address] == 2
 
     @property
     def baud(self) -> int:
@@ -222,11 +196,11 @@ class Servo:
         end = address + len(data)
         if end > reg.END:
             raise Refused(Refusal.ACCESS)
-        if _read_only(address, len(data)):
+        if control_table.read_only(address, len(data)):
             raise Refused(Refusal.ACCESS)
         if address < reg.EEPROM_END and self._table[reg.TORQUE_ENABLE.address]:
             raise Refused(Refusal.ACCESS)
-        touched = _touched(address, len(data))
+        touched = control_table.touched(address, len(data))
         if any(r.address < address or r.address + r.size > end for r in touched):
             raise Refused(Refusal.DATA_LENGTH)
         tripped = self._signed(reg.WATCHDOG) == reg.TRIPPED
@@ -234,9 +208,10 @@ class Servo:
             raise Refused(Refusal.DATA_RANGE)
         values = {r: self._part(r, address, data) for r in touched}
         for register, value in values.items():
-            low, high = _RANGES.get(register, (-(2**31), 2**31))
+            low, high = control_table.limits(register)
             if not low <= value <= high:
                 raise Refused(Refusal.DATA_RANGE)
+        self._check_limits(values)
         if reg.GOAL_POSITION in values:
             self._check_goal(values[reg.GOAL_POSITION])
         if reg.TORQUE_ENABLE in values and values[reg.TORQUE_ENABLE] and self._shut_down:
@@ -288,31 +263,72 @@ class Servo:
         return bool(table[reg.HARDWARE_ERROR.address] & table[reg.SHUTDOWN.address])
 
     def _start(self, position: int) -> None:
+        startup = self._table[reg.STARTUP.address]
+        restored = control_table.RESTORED if startup & RESTORES else ()
+        before = {register: self._bytes(register) for register in restored}
         self._table[reg.EEPROM_END :] = bytes(reg.END - reg.EEPROM_END)
-        for register, value in _STARTED:
+        limits = self._signed(reg.PWM_LIMIT), self._signed(reg.CURRENT_LIMIT)
+        begun = control_table.started(self._model, *limits) | control_table.indirect()
+        for register, value in begun.items():
             self._store(register, value)
-        for first in (reg.INDIRECT_ADDRESS.address, 578):
-            data = {168: 224, 578: 634}[first]
-            for n in range(28):  # each points to its own address
-                self._store(Register(first + 2 * n, 2), data + n)
+        for register, data in before.items():
+            self._table[register.address : register.address + register.size] = data
         self._gathers.clear()
         self._heard = self.now()
         self._overloaded = self._registered = None
         self._motor.power(False)
         angle, _, _ = self._motor.measure()
-        self._shift = position - round(angle / self._units.position_rad)
+        self._shift = position - self._sign * round(angle / self._units.position_rad)
         self._store(reg.GOAL_POSITION, position)
+        self._strong = self._is_strong()
+        if startup & STARTS_WITH_TORQUE:
+            self._torque(True)
 
     def _react(self, register: Register, value: int) -> None:
         if register is reg.GOAL_POSITION:
+            if self._table[reg.DRIVE_MODE.address] & TORQUE_BY_GOAL and not self._shut_down:
+                self._torque(True)
             self._aim(value)
         elif register is reg.TORQUE_ENABLE:
             self._torque(bool(value))
         elif register is reg.OPERATING_MODE:
             self._shift += self._within_a_turn() - self._position()
+            limits = self._signed(reg.PWM_LIMIT), self._signed(reg.CURRENT_LIMIT)
+            for other, initial in control_table.of_mode(self._model, *limits).items():
+                self._store(other, initial)
+            self._strong = self._is_strong()
         elif register is reg.HOMING_OFFSET:
             self._shift += value - self._offset
             self._offset = value
+        elif register is reg.DRIVE_MODE:
+            self._reverse(bool(value & REVERSED))
+        elif register in control_table.STRENGTH:
+            self._strong = self._is_strong()
+            if self._table[reg.TORQUE_ENABLE.address]:
+                self._aim(self._signed(reg.GOAL_POSITION))
+
+    def _reverse(self, reverse: bool) -> None:
+        """Count positions in the other direction, or as sold."""
+        sign = -1 if reverse else 1
+        if sign != self._sign:
+            position = -self._position()
+            self._sign = sign
+            self._shift += position - self._position()
+
+    def _is_strong(self) -> bool:
+        """Return whether it moves at all: not with a gain or a limit of 0."""
+        pwm = min(abs(self._signed(reg.GOAL_PWM)), self._signed(reg.PWM_LIMIT))
+        limited = self._table[reg.OPERATING_MODE.address] in (0, reg.CURRENT_POSITION)
+        current = abs(self._signed(reg.GOAL_CURRENT)) if limited else 1
+        return min(pwm, current, self._signed(reg.POSITION_P)) > 0
+
+    def _check_limits(self, values: Mapping[Register, int]) -> None:
+        """Check values whose limits are other registers."""
+        for goal, limit in ((reg.GOAL_PWM, reg.PWM_LIMIT), (reg.GOAL_CURRENT, reg.CURRENT_LIMIT)):
+            if goal in values and abs(values[goal]) > self._signed(limit):
+                raise Refused(Refusal.DATA_LIMIT)
+        if not 0 <= values.get(reg.CURRENT_LIMIT, 0) <= self._model.current_limit:
+            raise Refused(Refusal.DATA_RANGE)
 
     def _check_goal(self, counts: int) -> None:
         """Check a goal: in position mode it must be within the limits."""
@@ -332,25 +348,27 @@ class Servo:
         self._aim(self._position())
 
     def _aim(self, counts: int) -> None:
-        self._motor.aim((counts - self._shift) * self._units.position_rad)
+        if not self._strong:
+            counts = self._position()
+        self._motor.aim(self._sign * (counts - self._shift) * self._units.position_rad)
 
     def _position(self) -> int:
         angle, _, _ = self._motor.measure()
-        return round(angle / self._units.position_rad) + self._shift
+        return self._sign * round(angle / self._units.position_rad) + self._shift
 
     def _within_a_turn(self) -> int:
         return (self._position() - self._offset) % reg.TURN + self._offset
 
     def _measure(self) -> None:
         angle, speed, current = self._motor.measure()
-        units, table = self._units, self._table
-        counts = round(current / units.current_a)
+        units, table, sign = self._units, self._table, self._sign
+        counts = sign * round(current / units.current_a)
         _MEASURED.pack_into(
             table,
             reg.CURRENT.address,
             max(-LARGEST_WORD, min(counts, LARGEST_WORD)),
-            round(speed / units.velocity_rad_s),
-            round(angle / units.position_rad) + self._shift,
+            sign * round(speed / units.velocity_rad_s),
+            sign * round(angle / units.position_rad) + self._shift,
         )
         now = self.now()
         tick = round((now - self._started) * 1000) % reg.TICK_PERIOD
@@ -365,8 +383,11 @@ class Servo:
     def _store(self, register: Register, value: int) -> None:
         self._table[register.address : register.address + register.size] = register.encode(value)
 
+    def _bytes(self, register: Register) -> bytes:
+        return bytes(self._table[register.address : register.address + register.size])
+
     def _signed(self, register: Register) -> int:
-        return register.decode(self._table[register.address : register.address + register.size])
+        return register.decode(self._bytes(register))
 
     def _part(self, register: Register, address: int, data: bytes) -> int:
         start = register.address - address

@@ -14,13 +14,17 @@ from endolock.hw.api import AXES
 from endolock.hw.dynamixel import bus_log
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.models import XM430_W350
 from endolock.hw.dynamixel.packets import Instruction, Packet, Parser, Refusal
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.dynamixel.settings import SETTINGS, Wish
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.loopback import Loopback
 from endolock.hw.emulator.servo_model import Servo
 
+LIMITED = 2
+"""Id of the motor whose handle has a current limit."""
 PAGE = (Path(__file__).parents[3] / "hw" / "PROTOCOL.md").read_text()
 
 
@@ -118,8 +122,9 @@ def test_the_page_lists_all_registers() -> None:
     for name, row in table.items():
         assert (int(row["address"]), int(row["bytes"])) == getattr(reg, name), name
     assert list(table) == sorted(table, key=lambda name: getattr(reg, name).address)
-    for heading in ("The block", "Connect", "Enable", "Leave"):
-        assert {row["register"].strip("`") for row in rows(heading)} - {""} <= {*table}
+    for heading in ("The block", "Settings", "Connect", "Enable", "Leave"):
+        named = {row["register"].strip("`") for row in rows(heading)}
+        assert named - {"", "*Settings*"} <= {*table}
 
 
 def test_the_page_shows_the_block_that_is_read() -> None:
@@ -144,19 +149,59 @@ def test_the_page_names_the_errors() -> None:
 @pytest.mark.parametrize("phase", ["connect", "enable", "leave"])
 @pytest.mark.parametrize("device", [1, 2])
 def test_the_page_lists_the_requests_in_order(talk: Talk, phase: str, device: int) -> None:
-    limited = device == 2
-    table = [row for row in rows(phase.title()) if limited or row["when"] != "with a limit"]
     found = requests(getattr(talk, phase), device)
+    table = [wanted for row in rows(phase.title()) for wanted in expanded(row, found, device)]
     assert [f[:2] for f in found] == [(row["instruction"], row["register"]) for row in table]
     for row, (_, _, data) in zip(table, found, strict=True):
         if values := re.findall(r"\d+", row["value"]):
-            assert int.from_bytes(data, "little") == int(values[-1 if limited else 0])
+            assert int.from_bytes(data, "little") == int(values[-1 if device == LIMITED else 0])
         elif row["value"] == "of the block":
             assert unpack(f"<{reg.BLOCK_SIZE}H", data) == reg.BLOCK_ADDRESSES
 
 
+def expanded(
+    row: dict[str, str], found: list[tuple[str, str, bytes]], device: int
+) -> list[dict[str, str]]:
+    """Return the rows that a row stands for: those of the settings; writes only where one was."""
+    if row["register"] != "*Settings*":
+        return [row]
+    written = {register for kind, register, _ in found if kind == "write"}
+    made = []
+    for setting in rows("Settings"):
+        register, policy = setting["register"], setting["otherwise"]
+        kept = getattr(reg, register.strip("`")).address < reg.EEPROM_END
+        if row["instruction"] == "read":
+            if row["when"] in ("", policy):
+                made.append({"instruction": "read", "register": register, "value": ""})
+            continue
+        unlimited = device != LIMITED and "limit" in setting["value"]
+        if policy != "set" or kept is not (row["when"] == "below 64") or unlimited:
+            continue
+        made.append({"instruction": "read", "register": register, "value": ""})
+        if register in written - {"`STATUS_LEVEL`"}:
+            made.append({**setting, "instruction": "write"})
+    return made
+
+
+def test_the_page_lists_the_settings() -> None:
+    handle, model = Handle(id=1, current_limit_a=1.0), XM430_W350
+    wish = Wish(handle=handle, model=model, units=model.units)
+    table = rows("Settings")
+    assert [getattr(reg, r["register"].strip("`")) for r in table] == [s.register for s in SETTINGS]
+    assert [r["otherwise"] for r in table] == [s.policy.value for s in SETTINGS]
+    for row, setting in zip(table, SETTINGS, strict=True):
+        if values := re.findall(r"\d+", row["value"]):
+            assert int(values[-1]) == setting.wanted(wish), setting.name
+
+
+def test_nothing_is_written_before_all_motors_are_known(talk: Talk) -> None:
+    kinds = [Instruction(p.instruction).name for p in asked(talk.connect) if p.id in (1, 2)]
+    assert kinds[:4] == ["PING", "PING", "WRITE", "WRITE"]
+
+
 def test_torque_is_switched_off_at_every_motor_first(talk: Talk) -> None:
-    assert [packet.id for packet in asked(talk.connect)][:4] == [1, 1, 2, 2]
+    first = [packet.id for packet in asked(talk.connect)][4:8]  # after both pings and levels
+    assert first == [1, 1, 2, 2]
 
 
 def test_the_page_shows_the_bytes_of_one_cycle(talk: Talk) -> None:

@@ -9,6 +9,7 @@ import pytest
 from tests.hw.emulated import BenchClock, LagMotor
 
 from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.models import XM430_W350
 from endolock.hw.dynamixel.packets import (
     ALERT,
     BROADCAST,
@@ -20,12 +21,13 @@ from endolock.hw.dynamixel.packets import (
     split_fast,
 )
 from endolock.hw.dynamixel.registers import Register
+from endolock.hw.emulator.control_table import FIRMWARE
 from endolock.hw.emulator.emulated_bus import UNFINISHED_S, EmulatedBus
-from endolock.hw.emulator.servo_model import FIRMWARE, XM430_W350, Servo
+from endolock.hw.emulator.servo_model import Servo
 
 CENTRE = 2048
 SETTLED_S = 1.0  # forty lags of the motors
-HELLO = pack("<HB", XM430_W350, FIRMWARE)
+HELLO = pack("<HB", XM430_W350.number, FIRMWARE)
 """What a servo answers to a ping."""
 NOWHERE = Register(reg.END, 4)
 FACTORY_RESET = 0x06
