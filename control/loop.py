@@ -7,8 +7,11 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
+from endolock.control.user_controller import UserController
+from endolock.control.user_eyes import UserEyes
 from endolock.hw.api import PERIOD_S as PERIOD_S
 from endolock.hw.api import Clock, Command, ConfigError, Frame, Pose, Rig, State, TruthSample
+from endolock.hw.frozen import Frozen
 from endolock.vision.observation import Eyes, Observation, Status
 
 BLIND_S = 2.0
@@ -39,7 +42,7 @@ class Controller(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tick:
+class Tick(Frozen):
     """One control period as it happened."""
 
     t: float
@@ -60,7 +63,7 @@ class Tick:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class Seen(Frozen):
     """One delivered frame and its observation."""
 
     frame: Frame
@@ -162,17 +165,20 @@ def run(
         All ticks and frames, without pictures; `interrupted` if Ctrl-C ended it early.
 
     Raises:
-        ConfigError: duration or period cannot be used.
+        ConfigError: duration, period, eyes or controller cannot be used, or eyes or controller
+            failed.
         HardwareError: the handles stopped; the recorder has all rows up to there.
     """
     if not duration_s > 0:
         raise ConfigError(f"duration {duration_s:g} s", "use more than 0")
     check_period(rig.clock, period_s)
+    law = controller if isinstance(controller, UserController) else UserController(controller)
+    look = UserEyes(eyes)
     result = Run()
     actuators, tracker, truth = rig.actuators, rig.tracker, rig.truth
     actuators.connect()
     mode = actuators.mode
-    controller.reset(actuators.exchange(None) if mode.driven else actuators.enable())
+    state = actuators.exchange(None) if mode.driven else actuators.enable()
     command: Command | None = None
     start = rig.clock.now()
     before = rig.camera.latest()  # ignore frames from before the run
@@ -180,6 +186,7 @@ def run(
     status, newest, shown = Status.SEARCHING, before.seq if before and stale else -1, -1
     seen_at, blind = start, False
     try:
+        law.reset(state)
         for t, skipped in ticks(rig.clock, period_s, start + duration_s):
             blind = t - seen_at > BLIND_S
             if blind:
@@ -190,7 +197,7 @@ def run(
             frame = rig.camera.latest()
             if frame is not None and frame.seq > newest:
                 newest, seen_at = frame.seq, t
-                observation = eyes(frame)
+                observation = look(frame)
                 status = observation.status
                 overview = rig.overview.latest() if rig.overview else None
                 if overview is not None and overview.seq == shown:
@@ -213,15 +220,15 @@ def run(
                 status=status,
                 tracked=tracker.latest() if tracker else None,
                 truth=truth.now() if truth else None,
-                signals=dict(getattr(controller, "signals", ())) if command else {},
+                signals=law.signals if command else {},
             )
             if recorder:
                 recorder.tick(tick)
             result.ticks.append(tick)
             if blind and observation is not None:
-                controller.reset(state)  # its memory is out of date
+                law.reset(state)  # its memory is out of date
             if not blind or observation is not None:
-                command = controller.update(t, state, observation)
+                command = law.update(t, state, observation)
             if progress:
                 progress(t)
     except KeyboardInterrupt:

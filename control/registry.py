@@ -25,7 +25,7 @@ from endolock.control.predictive.predictive_settings import (
     PredictiveSettings,
     SinglePredictiveSettings,
 )
-from endolock.control.user_law import UserController
+from endolock.control.user_controller import UserController, caller_of
 from endolock.hw.api import Calibration, ConfigError, Truth
 from endolock.hw.errors import did_you_mean
 
@@ -167,9 +167,8 @@ def adopt(controller: Any, calibration: Calibration) -> Controller:
                 "give a name, a file, or an object with reset(state) and "
                 "update(t, state, observation)",
             )
-        name = getattr(controller, "__name__", type(controller).__name__)
         make = partial(controller, calibration)
-        controller = user_law.call_user_code(make, name, "making it from the calibration", None)
+        controller = caller_of(controller).call("making it from the calibration", make)
     return UserController(controller)
 
 

@@ -1,10 +1,10 @@
-"""Controllers of the user's own: from a file, `--controller my_law.py`, or objects in Python.
+"""Controllers from a file of the user's own: `--controller my_law.py`.
 
 The file defines make(calibration), which returns the controller: anything with `reset` and `update`
 as in `loop.Controller`. Other parameters of `make` can be set with `--vary law.NAME=VALUE`. The
-file may import modules beside it. It is executed once in a process, so its globals live as long; a
-run's state belongs in the controller. What it prints goes to standard error. An error in it ends
-the run with one line that names the line in the file, and the handles hold.
+file may import modules beside it. It is executed anew for every run, so that no run depends on the
+globals that another one left. What it prints goes to standard error. An error in it ends the run
+with one line that names the line in the file, and the handles hold.
 """
 
 from __future__ import annotations
@@ -12,94 +12,21 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import inspect
+import os
 import sys
-import traceback
 from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache, partial
-from math import isfinite
+from contextvars import copy_context
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
+from endolock.control.user_code import Caller
+from endolock.control.user_controller import UserController
+from endolock.hw.api import Calibration, ConfigError
 from endolock.hw.errors import did_you_mean
-from endolock.vision.observation import Observation
 
 SUFFIX = ".py"
-
-
-class UserController:
-    """Checks the return values of a user controller, and turns its errors into `ConfigError`.
-
-    Args:
-        controller: has `reset(state)` and `update(t, state, observation)`.
-        file: the file that made it; None for an object made in Python.
-
-    Raises:
-        ConfigError: it lacks a method.
-    """
-
-    def __init__(self, controller: Any, file: Path | None = None) -> None:
-        self._controller, self._quiet = controller, file is not None
-        self._name = file.name if file else type(controller).__name__
-        self._source = file or _source_of(type(controller))
-        for method in ("reset", "update"):
-            if isinstance(controller, type) or not callable(getattr(controller, method, None)):
-                made = "make returned " if file else ""
-                kind = controller if isinstance(controller, type) else type(controller)
-                what = f"the class {kind.__name__}" if kind is controller else kind.__name__
-                raise ConfigError(
-                    f"{self._name}: {made}{what}, which has no {method}()",
-                    "return a controller with reset(state) and update(t, state, observation)",
-                )
-
-    @property
-    def signals(self) -> Mapping[str, float]:
-        """Internal values of the controller, by name; recorded with each tick.
-
-        Raises:
-            ConfigError: they are not a mapping of names to numbers.
-        """
-        if inspect.getattr_static(self._controller, "signals", None) is None:
-            return {}
-        values = self._call("signals", lambda: self._controller.signals)
-        try:
-            return {str(name): float(value) for name, value in dict(values or {}).items()}
-        except (TypeError, ValueError):
-            raise ConfigError(
-                f"{self._name}: signals is {values!r}", "make it a mapping of names to numbers"
-            ) from None
-
-    def reset(self, state: State) -> None:
-        """Restart from the current handle state."""
-        self._call("reset", partial(self._controller.reset, state))
-
-    def update(self, t: float, state: State, observation: Observation | None) -> Command:
-        """Update the controller for one tick, and check the command that it returns.
-
-        Raises:
-            ConfigError: the controller failed, or returned no usable command.
-        """
-        call = partial(self._controller.update, t, state, observation)
-        command = self._call("update", call)
-        if not isinstance(command, Command):
-            raise ConfigError(
-                f"{self._name}: update returned {type(command).__name__} at {t:.2f} s",
-                "return endolock.Command(position=(up_down, left_right)) every time",
-            )
-        position: list[float] = []
-        if not isinstance(command.position, str | Mapping | set):
-            with contextlib.suppress(TypeError, ValueError):
-                position = [float(p) for p in command.position]
-        if len(position) != len(AXES) or not all(isfinite(p) for p in position):
-            raise ConfigError(
-                f"{self._name}: update returned the position {command.position!r} at {t:.2f} s",
-                "return two finite angles in rad, (up_down, left_right)",
-            )
-        return Command(position=tuple(position), valid_for=command.valid_for)
-
-    def _call(self, what: str, call: Callable[[], Any]) -> Any:
-        return call_user_code(call, self._name, what, self._source, quiet=self._quiet)
 
 
 class UserLaw(NamedTuple):
@@ -109,6 +36,8 @@ class UserLaw(NamedTuple):
     """Where it is."""
     function: Callable[..., Any]
     """Its make(calibration, ...)."""
+    caller: Caller
+    """Calls its code."""
 
     def configure(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Check changed parameters of `make`, and return them.
@@ -129,6 +58,11 @@ class UserLaw(NamedTuple):
                     f"{self.file.name}: make needs law.{p.name}",
                     f"give it with --vary law.{p.name}=..., or give it a default",
                 )
+            if p.name in changes and not _fits(changes[p.name], kind := _kind(p)):
+                raise ConfigError(
+                    f"{self.file.name}: law.{p.name} is {changes[p.name]!r}",
+                    f"give {KINDS[kind]}, as the annotation or the default in make says",
+                )
         return dict(changes)
 
     def _parameters(self) -> list[inspect.Parameter]:
@@ -148,13 +82,38 @@ class UserLaw(NamedTuple):
         Raises:
             ConfigError: `make` failed, or returned something else.
         """
-        call = partial(self.function, calibration, **settings)
-        made = call_user_code(call, self.file.name, "make", self.file, quiet=True)
-        return UserController(made, self.file)
+        _fresh.pop(self.file, None)  # the next run executes it again
+        made = self.caller.call("make", partial(self.function, calibration, **settings))
+        return UserController(made, self.caller)
+
+
+KINDS = {bool: "true or false", int: "a whole number", float: "a number"}
+"""Types that a parameter of `make` may ask for."""
+
+
+def _kind(parameter: inspect.Parameter) -> type:
+    """Return which of `KINDS` a parameter asks for; `object` for any other."""
+    for kind in KINDS:
+        if parameter.annotation in (kind, kind.__name__):
+            return kind
+    if parameter.annotation is not parameter.empty:
+        return object
+    kind = type(parameter.default)
+    return {bool: bool, int: float, float: float}.get(kind, object)  # 1 may stand for 1.0
+
+
+def _fits(value: Any, kind: type) -> bool:
+    if kind not in KINDS or isinstance(value, bool):
+        return kind in (bool, object)
+    return isinstance(value, int) or (kind is float and isinstance(value, float))
+
+
+_fresh: dict[Path, tuple[int, UserLaw]] = {}
+"""Executed files from which no controller was made yet, with the time of their last change."""
 
 
 def load(file: str) -> UserLaw:
-    """Execute a file, once for each version of it on disk.
+    """Execute a file, unless it was executed before and is unused and unchanged since.
 
     Raises:
         ConfigError: it cannot be read or executed, or defines no `make`.
@@ -162,21 +121,24 @@ def load(file: str) -> UserLaw:
     path = Path(file)
     if not path.is_file():
         raise ConfigError(f"controller {file}: there is no such file", "check the path")
-    return _executed(path.resolve(), path.stat().st_mtime_ns)
+    path, changed_ns = path.resolve(), path.stat().st_mtime_ns
+    before = _fresh.get(path)
+    if before is None or before[0] != changed_ns:
+        before = _fresh[path] = changed_ns, _executed(path)
+    return before[1]
 
 
-@lru_cache(maxsize=16)
-def _executed(path: Path, _changed_ns: int) -> UserLaw:
+def _executed(path: Path) -> UserLaw:
     name = f"endolock_user_law_{path.stem}_{abs(hash(path.parent)):x}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses and pickle look it up there
-    with _imports_beside(path):
-        execute = partial(spec.loader.exec_module, module)
-        call_user_code(execute, path.name, "", path, quiet=True)
-    return UserLaw(path, _make_of(module, path))
+    caller = Caller(path.name, path, copy_context(), quiet=True)
+    with _imports_beside(path), contextlib.chdir(os.curdir):  # whatever folder it changes to
+        caller.call("", partial(spec.loader.exec_module, module))
+    return UserLaw(path, _make_of(module, path), caller)
 
 
 @contextlib.contextmanager
@@ -205,48 +167,3 @@ def _make_of(module: ModuleType, path: Path) -> Callable[..., Any]:
         )
     function: Callable[..., Any] = make
     return function
-
-
-def call_user_code(
-    call: Callable[[], Any], name: str, what: str, source: Path | None, *, quiet: bool = False
-) -> Any:
-    """Call user code, and turn any error of it into one line.
-
-    Args:
-        call: the code, with its arguments.
-        name: file or class, for the message.
-        what: what is called, for the message; empty while a file is executed.
-        source: the file that defines it, if known.
-        quiet: whether it prints to standard error and not to standard output.
-
-    Raises:
-        ConfigError: it failed, or left the program.
-    """
-    output = contextlib.redirect_stdout(sys.stderr) if quiet else contextlib.nullcontext()
-    try:
-        with output:
-            return call()
-    except (Exception, SystemExit) as error:  # user code may raise anything
-        did = f"{what} failed" if what else "cannot be executed"
-        raise ConfigError(f"{name}: {did}: {_description(error, source, call)}") from error
-
-
-def _description(error: BaseException, source: Path | None, call: Any) -> str:
-    """Describe an error by type and message, and by the last line of the file that led to it."""
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if source and Path(frame.filename) == source]
-    text = " ".join(str(error).split()) or "no message"
-    code = getattr(getattr(call, "func", None), "__code__", None)
-    if isinstance(error, SyntaxError) and error.filename == str(source):
-        lines, text = [error.lineno], error.msg
-    elif not lines and code and Path(code.co_filename) == source:
-        lines = [code.co_firstlineno]  # a call with arguments that it does not take
-    return f"{type(error).__name__}: {text}" + (f" (line {lines[-1]})" if lines else "")
-
-
-def _source_of(kind: type) -> Path | None:
-    """Return the file that defines a class; None for one that was typed in."""
-    try:
-        return Path(inspect.getsourcefile(kind) or "")
-    except (OSError, TypeError):
-        return None

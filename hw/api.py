@@ -31,6 +31,7 @@ from endolock.hw.errors import LinkLost as LinkLost
 from endolock.hw.errors import PortBusy as PortBusy
 from endolock.hw.errors import PortGone as PortGone
 from endolock.hw.errors import StateError as StateError
+from endolock.hw.frozen import Frozen
 
 AXES = ("up_down", "left_right")
 """The two handle axes, in the order used everywhere."""
@@ -80,7 +81,7 @@ class Mode(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class Limits(Frozen):
     """Limits of position and speed, per axis."""
 
     position_rad: tuple[tuple[float, float], ...]
@@ -100,7 +101,7 @@ class Command:
 
 
 @dataclass(frozen=True, kw_only=True)
-class State:
+class State(Frozen):
     """State of the handles after one exchange."""
 
     t: float
@@ -218,7 +219,7 @@ class Actuators(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibration:
+class Calibration(Frozen):
     """Geometry of a camera: a ray at the angle theta to the axis appears at the radius r.
 
     r = f tan(theta) for a pinhole, r = f theta for an equidistant fisheye, before distortion.
@@ -251,11 +252,11 @@ class Calibration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class Frame(Frozen):
     """One picture as it was delivered."""
 
     image: Image | None
-    """RGB, height x width x 3; None where vision uses the ground truth instead."""
+    """RGB, height x width x 3, read-only; None where vision uses the ground truth instead."""
     t_capture: float
     """Estimated time of exposure [s]: t_available less the nominal latency."""
     t_available: float
@@ -280,7 +281,7 @@ class Camera(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoardGeometry:
+class BoardGeometry(Frozen):
     """Markers and target of a printed board, in its own frame [m]."""
 
     dictionary: str
@@ -299,7 +300,7 @@ class BoardGeometry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pose:
+class Pose(Frozen):
     """Position and orientation of a rigid body in the base frame at time `t`."""
 
     t: float
@@ -333,7 +334,7 @@ class PoseTracker(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plant:
+class Plant(Frozen):
     """True state of a simulated endoscope at one instant, in the base frame."""
 
     bend_rad: tuple[float, float]
@@ -343,7 +344,7 @@ class Plant:
     board: Pose
     """Pose of the board."""
     backbone: Vector
-    """Points along the section from its base to the camera, n x 3 [m]."""
+    """Points along the section from its base to the camera, n x 3 [m]; read-only."""
     tension_handle_n: tuple[float, ...]
     """Tension of the wires up, right, down, left at the handle [N]."""
     tension_section_n: tuple[float, ...]
@@ -351,7 +352,7 @@ class Plant:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruthSample:
+class TruthSample(Frozen):
     """Ground truth at one instant, which only a simulation knows."""
 
     t: float

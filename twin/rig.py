@@ -22,6 +22,7 @@ from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.direct_link import DirectLink
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig, close_all
+from endolock.twin.arguments import CLOSED, parameters, seed_of
 from endolock.twin.camera import exposure, optics, renderer
 from endolock.twin.camera.exposure import SubExposure
 from endolock.twin.ground_truth import TwinTruth
@@ -77,10 +78,11 @@ class TwinRig(ClosingRig):
         overview: whether the fixed camera takes pictures too.
 
     Raises:
-        ConfigError: the scenario cannot be used.
+        ConfigError: the scenario, an object or the seed cannot be used.
     """
 
     line = None
+    _closed = False
 
     def __init__(
         self,
@@ -92,12 +94,12 @@ class TwinRig(ClosingRig):
         pictures: bool = True,
         overview: bool = False,
     ) -> None:
-        if seed < 0:
-            raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
-        self.scenario, self.seed, self.pictures = load(scenario), seed, pictures
+        self.seed = seed = seed_of(seed)
+        instrument = parameters(Instrument, instrument)
+        self._numerics = parameters(Numerics, numerics)
+        self.scenario, self.pictures = load(scenario), pictures
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
-        self._numerics = numerics or Numerics()
-        self.plant = TwinPlant(self.scenario, instrument or Instrument(), self._numerics, seed)
+        self.plant = TwinPlant(self.scenario, instrument, self._numerics, seed)
         self.clock = TwinClock(self, self.plant.timestep_s)
         self.servos = motor.servos(self.plant, self.clock.now)
         self.instrument = made = self.plant.instrument
@@ -131,6 +133,8 @@ class TwinRig(ClosingRig):
 
     def advance(self, step: int) -> None:
         """Advance the physics to a grid point, exposing frames and measuring poses on the way."""
+        if self._closed:
+            raise ConfigError(*CLOSED)
         self._look()
         while self.plant.step_count < step:
             due = min(self._moment.step, self._watchdog_step())
@@ -172,6 +176,7 @@ class TwinRig(ClosingRig):
         """Switch the handles off and release the OpenGL context; may be called twice."""
         drawing = [self._renderer.close] if self._renderer else []
         close_all(self.actuators.close, self._darkroom.shutdown, *drawing)
+        self._closed = True
 
     def _look(self) -> None:
         """Expose and measure what is due at this step."""

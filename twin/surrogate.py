@@ -24,6 +24,7 @@ from endolock.hw.api import AXES, ConfigError, Limits
 from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig
+from endolock.twin.arguments import CLOSED, parameters, seed_of
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.physics.surrogate_plant import TIMESTEP_S, SurrogatePlant, Transmission
@@ -39,16 +40,18 @@ class SurrogateRig(ClosingRig):
         scenario: name, TOML file or loaded scenario, in which only the board moves.
         transmission: from handle angles to bends; plays fitted to the instrument if None.
         instrument: its lengths, handles and encoders are used; the default if None.
-        seed: seed of all random numbers.
+        seed: seed of all random numbers, >= 0.
 
     Raises:
-        ConfigError: the scenario has parts that a surrogate does not model.
+        ConfigError: the scenario has parts that a surrogate does not model, or the instrument or
+            the seed cannot be used.
     """
 
     pictures = False
     overview = None
     tracker = None
     line = None
+    _closed = False
 
     def __init__(
         self,
@@ -58,10 +61,10 @@ class SurrogateRig(ClosingRig):
         instrument: Instrument | None = None,
         seed: int = 0,
     ) -> None:
+        self.seed = seed = seed_of(seed)
+        self.instrument = made = parameters(Instrument, instrument)
         self.scenario = load(scenario)
         _check(self.scenario)
-        self.instrument, self.seed = instrument or Instrument(), seed
-        made = self.instrument
         transmission = transmission or plays_of(made, self.scenario.shaft_bend_deg)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.clock = SurrogateClock(self)
@@ -77,6 +80,8 @@ class SurrogateRig(ClosingRig):
 
     def advance(self, step: int) -> None:
         """Advance to a grid point, exposing frames on the way."""
+        if self._closed:
+            raise ConfigError(*CLOSED)
         plant, rate = self.plant, self.scenario.camera.frame_rate_hz
         while True:
             due = round(self._frames / rate / TIMESTEP_S)
@@ -99,8 +104,9 @@ class SurrogateRig(ClosingRig):
         }
 
     def close(self) -> None:
-        """Switch the handles off."""
+        """Switch the handles off; may be called twice."""
         self.actuators.close()
+        self._closed = True
 
 
 class SurrogateClock:

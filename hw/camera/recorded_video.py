@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from endolock.hw.api import Calibration, ConfigError, Frame, Image
+from endolock.hw.frozen import read_only
 
 
 class PlaybackClock:
@@ -134,4 +135,4 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
 
 def _read(reader: cv2.VideoCapture) -> Image | None:
     ok, picture = reader.read()
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8) if ok else None
+    return read_only(np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)) if ok else None

@@ -15,6 +15,7 @@ import mujoco
 
 import endolock
 from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
+from endolock.hw.frozen import read_only
 from endolock.twin.camera import forks, optics
 from endolock.twin.randomness import generator
 from endolock.twin.world.scenario_sections import CameraSettings
@@ -153,7 +154,7 @@ class TwinCamera:
         if arrived:
             available, seq, image, repeated = arrived
             self._newest = Frame(
-                image=image.result() if isinstance(image, Future) else image,
+                image=read_only(image.result() if isinstance(image, Future) else image),
                 t_capture=available - self._nominal_s,
                 t_available=available,
                 seq=seq,

@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from endolock.hw.dynamixel.servo_drive import ServoDrive
 from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig, close_after, close_all
+from endolock.twin.arguments import CLOSED, parameters, seed_of
 from endolock.twin.hil.hil_server import HilSetup, Ready
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
@@ -75,20 +77,19 @@ class HilRig(ClosingRig):
         paced: bool = False,
         faults: Sequence[WireFault] = (),
     ) -> None:
-        if seed < 0:
-            raise ConfigError(f"seed {seed}", "use a whole number, 0 or more")
+        self.seed = seed = seed_of(seed)
+        self.instrument = made = parameters(Instrument, instrument)
+        numerics = parameters(Numerics, numerics)
         _need_linux()
         self.scenario = load(scenario)
-        self.instrument, self.seed = instrument or Instrument(), seed
         self.pictures = pictures
-        made = self.instrument
         self._far = _Far()
         try:
             ready: Ready = self._far.start(
                 HilSetup(
                     scenario=self.scenario,
                     instrument=made,
-                    numerics=numerics or Numerics(),
+                    numerics=numerics,
                     seed=seed,
                     pictures=pictures,
                     overview=overview,
@@ -121,7 +122,7 @@ class HilRig(ClosingRig):
 
     def describe(self) -> Mapping[str, Any]:
         """Return the description of the twin, and that of the line, as plain values."""
-        return {**self._described, "line": self.drive.describe()}
+        return {**deepcopy(self._described), "line": self.drive.describe()}
 
     def aim(self, pixel: tuple[float, float]) -> None:
         """Make the point of the board that is now seen at a pixel the target."""
@@ -185,7 +186,7 @@ class _Far:
 
     def _exchange(self, message: Any) -> Any:
         if self._channel is None:
-            raise ConfigError("this rig is closed", "make a new one")
+            raise ConfigError(*CLOSED)
         try:
             self._channel.send(message)
             kind, value = self._channel.recv()

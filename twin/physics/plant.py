@@ -9,6 +9,7 @@ import numpy as np
 
 from endolock.hw import rotation
 from endolock.hw.api import ConfigError, Plant, Pose, Vector
+from endolock.hw.frozen import read_only
 from endolock.twin.camera import stage
 from endolock.twin.model import scene, wire_springs
 from endolock.twin.physics import wire_friction
@@ -55,7 +56,7 @@ class TwinPlant:
         self.instrument = instrument
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
-        self.base_from_board = rotation.to_matrix(self._tilt)
+        self.base_from_board = read_only(rotation.to_matrix(self._tilt))
         self._distance_m = scenario.board.distance_m
         spec = stage.build(scenario, instrument, numerics)
         if scenario.gravity:

@@ -13,6 +13,7 @@ from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw import rotation
 from endolock.hw.api import Plant, Pose, Vector
+from endolock.hw.frozen import read_only
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
 from endolock.twin.world.playback import Course
@@ -64,7 +65,7 @@ class SurrogatePlant:
     ) -> None:
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
-        self.base_from_board = rotation.to_matrix(self._tilt)
+        self.base_from_board = read_only(rotation.to_matrix(self._tilt))
         self._distance_m = scenario.board.distance_m
         self._geometry = section_of(instrument)
         self._axes = transmission.at_rest()
