@@ -43,6 +43,10 @@ class ConfigError(EndolockError, ValueError):
     """A scenario, option, parameter or file is not usable (exit code 2)."""
 
 
+class DamageWarning(UserWarning):
+    """Part of a run folder is missing or damaged; what is whole was read."""
+
+
 class HardwareError(EndolockError, RuntimeError):
     """Something between the command and the handle went wrong (exit code 3).
 

@@ -7,12 +7,13 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Union
 
 import endolock
 from endolock.hw.api import ConfigError, EndolockError, HardwareError
-from endolock.hw.errors import for_people
+from endolock.hw.errors import DamageWarning, for_people
 
 DESCRIPTION = (
     "Digital twin of a robot-steered flexible endoscope, and its target lock. "
@@ -35,7 +36,8 @@ def main(args: Sequence[str] | None = None) -> int:
 def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
     """Call a command with its arguments; report each expected error in one line and a code."""
     try:
-        code = call(args)
+        with _damage_in_one_line():
+            code = call(args)
         sys.stdout.flush()  # here, so that a closed pipe is handled below
         return code
     except HardwareError as error:
@@ -139,6 +141,25 @@ def _dispatch(args: list[str]) -> int:
     request = parse(Union[tuple(kinds)], "endolock", args)  # noqa: UP007
     (command,) = (m for m in modules.values() if type(request) is m.Request)
     return int(command.main(request))
+
+
+@contextlib.contextmanager
+def _damage_in_one_line() -> Iterator[None]:
+    """Print each warning of a damaged run folder once, in one line."""
+    said: set[str] = set()
+    with warnings.catch_warnings():
+        plain = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+            if not issubclass(category, DamageWarning):
+                plain(message, category, *where, **more)
+            elif str(message) not in said:
+                said.add(str(message))
+                print(f"endolock: warning: {message}", file=sys.stderr)
+
+        warnings.simplefilter("always", DamageWarning)
+        warnings.showwarning = show
+        yield
 
 
 def _fail(message: str, code: int) -> int:

@@ -1,12 +1,14 @@
 """The raw log of a bus: every byte sent or received, with its time, append-only.
 
-A file is the eight bytes `ENDOBUS1` and then records of
+A file is the eight bytes `BUSLOG-2` and then records of
 
-    time [s], float64 | direction, uint8: 0 out, 1 in | count, uint16 | the bytes      little-endian
+    `BUS>` | CRC-32 of the rest, uint32 | number from 0, uint32 | time [s], float64
+           | direction, uint8: 0 out, 1 in | count, uint16 | the bytes                little-endian
 
 Each record is passed to the system in one write, so after a kill the file is readable up to the
-last complete one. Nothing is interpreted here; a log can be decoded, and replayed through the same
-bus and drive that wrote it.
+last complete one; where bytes were changed, inserted or lost, the records around them are still
+found. Nothing is interpreted here; a log can be decoded, and replayed through the same bus and
+drive that wrote it. Earlier versions wrote `ENDOBUS1`, with time, direction, count and bytes alone.
 """
 
 from __future__ import annotations
@@ -17,11 +19,16 @@ from errno import ENOSPC
 from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
+from zlib import crc32
 
 from endolock.hw.api import ConfigError
 
-MAGIC = b"ENDOBUS1"
-_HEAD = Struct("<dBH")
+MAGIC = b"BUSLOG-2"
+_UNSEALED = b"ENDOBUS1"
+_MARK = b"BUS>"
+_SUM = Struct("<4sI")
+_HEAD = Struct("<IdBH")
+_OLD_HEAD = Struct("<dBH")
 
 
 class Chunk(NamedTuple):
@@ -45,13 +52,14 @@ class BusLog:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._records = 0
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except OSError as error:
             raise ConfigError(
-                f"cannot write {path}: {error.strerror}", "give another folder with --out"
+                f"cannot write {path}: {error.strerror}", "give another folder"
             ) from None
-        os.write(self._fd, MAGIC)
+        self._write(MAGIC)
 
     def append(self, t: float, came_in: bool, data: bytes) -> None:
         """Append bytes sent or received; at most 65535.
@@ -59,15 +67,9 @@ class BusLog:
         Raises:
             ConfigError: the disk is full or was removed.
         """
-        try:
-            record = _HEAD.pack(t, came_in, len(data)) + data
-            if os.write(self._fd, record) < len(record):
-                raise OSError(ENOSPC, os.strerror(ENOSPC))
-        except OSError as error:
-            raise ConfigError(
-                f"cannot write {self._path}: {error.strerror}",
-                "make room, or give another folder with --out",
-            ) from None
+        rest = _HEAD.pack(self._records, t, came_in, len(data)) + data
+        self._write(_SUM.pack(_MARK, crc32(rest)) + rest)
+        self._records += 1
 
     def close(self) -> None:
         """Close the file; may be called twice."""
@@ -75,9 +77,27 @@ class BusLog:
             os.close(self._fd)
             self._fd = -1
 
+    def _write(self, record: bytes) -> None:
+        try:
+            if os.write(self._fd, record) < len(record):
+                raise OSError(ENOSPC, os.strerror(ENOSPC))
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {self._path}: {error.strerror}", "make room, or give another folder"
+            ) from None
+
 
 def read(path: Path) -> Iterator[Chunk]:
-    """Yield the records of a log, up to its last complete one.
+    """Yield the whole records of a log, in their order.
+
+    Raises:
+        ConfigError: the file cannot be read, or is not a bus log.
+    """
+    yield from records(path).values()
+
+
+def records(path: Path) -> dict[int, Chunk]:
+    """Return the whole records of a log by number, in their order.
 
     Raises:
         ConfigError: the file cannot be read, or is not a bus log.
@@ -86,14 +106,51 @@ def read(path: Path) -> Iterator[Chunk]:
         data = path.read_bytes()
     except OSError as error:
         raise ConfigError(
-            f"cannot read {path}: {error.strerror}", "give a run with --rig hil or serial:PORT"
+            f"cannot read {path}: {error.strerror}", "give a run on an emulated or real bus"
         ) from None
-    if not data.startswith(MAGIC):
+    if data.startswith(_UNSEALED):
+        return dict(enumerate(_old_records(data)))
+    found: dict[int, Chunk] = {}
+    at = data.find(_MARK)
+    if at < 0 and data[: len(MAGIC)] != MAGIC[: len(data)]:
         raise ConfigError(f"{path} is not a bus log", "give the bus.log of a run folder")
-    at = len(MAGIC)
-    while at + _HEAD.size <= len(data):
-        t, came_in, size = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
+    while at >= 0:
+        start = at + _SUM.size
+        end = start + _HEAD.size
+        if end <= len(data):
+            number, t, came_in, size = _HEAD.unpack_from(data, start)
+            end += size
+            if end <= len(data) and crc32(data[start:end]) == _SUM.unpack_from(data, at)[1]:
+                found[number] = Chunk(t, bool(came_in), data[end - size : end])
+                at = data.find(_MARK, end)
+                continue
+        at = data.find(_MARK, at + 1)
+    return dict(sorted(found.items()))
+
+
+def damage(found: Iterable[int], stated: int | None) -> list[str]:
+    """Describe what is missing in a log.
+
+    Args:
+        found: numbers of its whole records.
+        stated: the number of records it should have; None if that is unknown.
+    """
+    said, next_one, whole = [], 0, 0
+    for number in found:
+        if number > next_one:
+            said.append(f"records {next_one} to {number - 1} are damaged")
+        next_one, whole = number + 1, whole + 1
+    if stated is not None and next_one < stated:
+        said.append(f"ends early: {whole} of {stated} records")
+    return said
+
+
+def _old_records(data: bytes) -> Iterator[Chunk]:
+    """Yield the records of a log without check sums, up to its last complete one."""
+    at = len(_UNSEALED)
+    while at + _OLD_HEAD.size <= len(data):
+        t, came_in, size = _OLD_HEAD.unpack_from(data, at)
+        at += _OLD_HEAD.size
         if at + size > len(data):
             return
         yield Chunk(t, bool(came_in), data[at : at + size])

@@ -33,7 +33,7 @@ def write(folder: Path, path: Path) -> Path:
     """
     rows = pictures(folder)
     if not rows:
-        raise ConfigError(f"the run in {folder} has no pictures", "run it with --vision markers")
+        raise ConfigError(f"the run in {folder} has no pictures", "run it with vision markers")
     configuration = run_folder.configuration(folder)
     centre = tuple(configuration["calibration"]["centre_px"])
     chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, PICTURES).round().astype(int)]

@@ -21,7 +21,7 @@ from endolock.hw.dynamixel.packets import Instruction, Packet, Parser
 from endolock.hw.dynamixel.registers import Units
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
-from endolock.scripts.runs import packet_lines, run_folder
+from endolock.scripts.runs import folder_contents, packet_lines
 
 _ENABLING = pack("<H", reg.INDIRECT_ADDRESS.address)
 """First request of enabling: whether a motor has restarted."""
@@ -50,6 +50,8 @@ class BusReplay:
     """Number of control ticks in the run folder."""
     positions_equal: int
     """Number of these whose time and position the replay gave again."""
+    damage: list[str]
+    """What is missing or damaged in the run folder; the rest is replayed."""
 
 
 def replay(folder: Path) -> BusReplay:
@@ -61,7 +63,7 @@ def replay(folder: Path) -> BusReplay:
     Raises:
         ConfigError: the folder has no log of a line.
     """
-    records = list(bus_log.read(folder / run_folder.BUS_LOG))
+    records = folder_contents.bus_records(folder)
     exchanges = list(bus_log.exchanges(records))
     kinds: Counter[str] = Counter()
     parsers = {False: Parser(), True: Parser()}
@@ -69,8 +71,8 @@ def replay(folder: Path) -> BusReplay:
         for packet in parsers[record.came_in].feed(record.data):
             kinds[packet_lines.name_of(packet.instruction)] += 1
     port = ReplayPort(exchanges)
-    readings = list(_replay(port, exchanges, run_folder.configuration(folder)))
-    ticks = run_folder.read(folder, "ticks")
+    readings = list(_replay(port, exchanges, folder_contents.configuration(folder)))
+    ticks = folder_contents.read(folder, "ticks")
     logged = zip(ticks["state_t"].to_pylist(), ticks["position_rad"].to_pylist(), strict=True)
     # The line also has the readings while enabling, and those after the last row.
     replayed = {(reading.t, reading.position) for reading in readings}
@@ -85,6 +87,7 @@ def replay(folder: Path) -> BusReplay:
         requests_equal=port.same,
         ticks=ticks.num_rows,
         positions_equal=equal,
+        damage=folder_contents.damage(folder, "ticks", "bus"),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pyarrow as pa
 from pydantic import TypeAdapter, ValidationError
 
 from endolock.hw.api import ConfigError
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import folder_contents
 from endolock.scripts.runs.run_record import RunRecord
 
 
@@ -32,11 +31,15 @@ class LoggedRun:
     frames: pa.Table
     """One row per delivered frame."""
     record: RunRecord | None
-    """metrics.json; None where the run was killed before it was written."""
+    """metrics.json; None where the run was killed before it was written, or it is damaged."""
+    damage: tuple[str, ...] = ()
+    """What is missing or damaged in the folder."""
 
 
 def read_run(folder: str | Path) -> LoggedRun:
     """Read a run folder; of a killed run, everything up to the last complete group of rows.
+
+    What is missing or damaged becomes a `DamageWarning`; what is whole is read.
 
     Raises:
         ConfigError: it is not a run folder, or was written by a version with other columns.
@@ -44,26 +47,25 @@ def read_run(folder: str | Path) -> LoggedRun:
     path = Path(folder)
     return LoggedRun(
         folder=path,
-        configuration=run_folder.configuration(path),
-        ticks=run_folder.read(path, "ticks"),
-        frames=run_folder.read(path, "frames"),
+        configuration=folder_contents.configuration(path),
+        ticks=folder_contents.read(path, "ticks"),
+        frames=folder_contents.read(path, "frames"),
         record=_record(path),
+        damage=tuple(folder_contents.damage(path)),
     )
 
 
 def _record(folder: Path) -> RunRecord | None:
-    file = folder / "metrics.json"
-    if not file.exists():
+    values = folder_contents.metrics(folder)
+    if values is None:
         return None
     try:
-        values = json.loads(file.read_text(encoding="utf-8"))
         return TypeAdapter(RunRecord).validate_python({**values, "folder": folder})
-    except (OSError, ValueError, TypeError) as error:
-        if not isinstance(error, ValidationError):
-            raise ConfigError(f"cannot read {file}: {error}", "give a run folder") from None
+    except ValidationError as error:
         wrong = error.errors()[0]
         raise ConfigError(
-            f"{file} was written by endolock {run_folder.written_by(folder)} and is not a run "
-            f"record of this version: {wrong['loc'][0]}: {wrong['msg']}",
-            run_folder.how_to_read(folder),
+            f"{folder / 'metrics.json'} was written by endolock "
+            f"{folder_contents.written_by(folder)} and is not a run record of this version: "
+            f"{wrong['loc'][0]}: {wrong['msg']}",
+            folder_contents.how_to_read(folder),
         ) from None

@@ -6,16 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from struct import iter_unpack, unpack_from
 
-from endolock.hw.dynamixel import bus_log
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import BROADCAST, Instruction, Packet, Parser
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import folder_contents
 
 
 def lines(folder: Path) -> Iterator[str]:
     """Yield one line for each packet: time, direction, content."""
     parsers = {False: Parser(), True: Parser()}
-    for record in bus_log.read(folder / run_folder.BUS_LOG):
+    for record in folder_contents.bus_records(folder):
         for packet in parsers[record.came_in].feed(record.data):
             arrow = "<" if record.came_in else ">"
             yield f"{record.t:10.6f} {arrow} {_text(packet)}"

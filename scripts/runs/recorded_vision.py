@@ -42,6 +42,8 @@ class VisionRecord:
     """Median time of vision per frame [ms]; None without frames."""
     refused: dict[str, int]
     """Number of frames without a target by reason, most frequent first."""
+    damage: list[str]
+    """What is missing or damaged in the run folder; the rest was seen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,9 @@ class RecordedVision:
             self.source, times=self.times, calibration=self.calibration, board=self.board
         )
         if recording.calibration is None:
-            raise ConfigError("the camera is unknown", "give --calibration, see endolock calibrate")
+            raise ConfigError(
+                "the camera is unknown", "give its calibration, see endolock calibrate"
+            )
         clock = PlaybackClock()
         camera = RecordedCamera(recording.calibration, clock, recording.frames)
         eyes = self._eyes(recording)
@@ -108,6 +112,7 @@ class RecordedVision:
             vision=str(self.vision) if named else type(self.vision).__name__,
             vision_ms=1e3 * median(taken) if taken else None,
             refused=dict(refused.most_common()),
+            damage=recording.damage,
         )
         if folder:
             folder.finish(asdict(record))
@@ -122,5 +127,5 @@ class RecordedVision:
         if self.vision != "markers":
             raise ConfigError(f"vision '{self.vision}' is unknown here", "use markers or track")
         if self.select:
-            raise ConfigError("--select goes with --vision track, not with markers")
+            raise ConfigError("select goes with vision track, not with markers")
         return MarkerEyes(recording.calibration, recording.board)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pyarrow as pa
 from pydantic import TypeAdapter
 
 from endolock.hw import boards
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.hw.camera import camera_file, recorded_video
-from endolock.scripts.runs import log_tables, run_folder
+from endolock.scripts.runs import folder_contents, log_tables
 
 
 class Recording(NamedTuple):
@@ -21,6 +22,8 @@ class Recording(NamedTuple):
     calibration: Calibration | None
     """None if the recording has none."""
     board: BoardGeometry
+    damage: list[str]
+    """What is missing or damaged in a run folder."""
 
 
 def open_(
@@ -45,19 +48,21 @@ def open_(
     if source.is_dir():
         if times:
             raise ConfigError("a run folder has its own time stamps", "omit --times")
-        configuration = run_folder.configuration(source)
+        configuration = folder_contents.configuration(source)
         if board is None:
             geometry = _plain(BoardGeometry, configuration["board"], source)
         own = _plain(Calibration, configuration["calibration"], source)
-        rows = run_folder.read(source, "frames").to_pylist()
-        if not any(row["tip_jpeg"] for row in rows):
+        frames = folder_contents.batches(source, "frames")
+        if all(batch["tip_jpeg"].null_count == len(batch) for batch in frames):
             raise ConfigError(
-                f"the run in {source} has no pictures", "run it with --vision markers"
+                f"the run in {source} has no pictures", "run it with vision markers or track"
             )
-        return Recording(_frames(rows), given or own, geometry)
+        damage = folder_contents.damage(source, "frames")
+        frames = folder_contents.batches(source, "frames")
+        return Recording(_frames(frames), given or own, geometry, damage)
     if times is None:
         raise ConfigError(f"{source} needs time stamps", "give a CSV file with --times")
-    return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry)
+    return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry, [])
 
 
 def _plain(kind: Any, values: Any, source: Path) -> Any:
@@ -69,8 +74,8 @@ def _plain(kind: Any, values: Any, source: Path) -> Any:
         ) from None
 
 
-def _frames(rows: list[dict[str, Any]]) -> Iterator[Frame]:
-    for row in rows:
+def _frames(batches: Iterable[pa.RecordBatch]) -> Iterator[Frame]:
+    for row in (row for batch in batches for row in batch.to_pylist()):
         data = row["tip_jpeg"]
         yield Frame(
             image=log_tables.decode(data) if data else None,

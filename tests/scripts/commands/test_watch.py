@@ -76,7 +76,7 @@ def test_a_video_file_with_stamps_and_calibration(folder: Path, tmp_path: Path) 
     ("more", "why"),
     [
         (["--vision", "ears"], "vision 'ears' is unknown here; use markers or track"),
-        (["--select", "1,2,30,30"], "--select goes with --vision track"),
+        (["--select", "1,2,30,30"], "select goes with vision track"),
         (["--vision", "track", "--select", "a,b"], "is not X,Y,WIDTH,HEIGHT in whole pixels"),
         (["--board", "square"], "board 'square' is unknown"),
         (["--times", "times.csv"], "a run folder has its own time stamps"),
@@ -98,7 +98,7 @@ def test_a_video_without_stamps_or_calibration_is_refused(
     assert cli.main(["watch", str(film)]) == 2
     assert "needs time stamps" in capsys.readouterr().err
     assert cli.main(["watch", str(film), "--times", str(stamps)]) == 2
-    assert "the camera is unknown; give --calibration" in capsys.readouterr().err
+    assert "the camera is unknown; give its calibration" in capsys.readouterr().err
 
 
 def test_a_run_calibrates_its_camera(folder: Path, tmp_path: Path) -> None:
@@ -118,4 +118,4 @@ def test_a_run_without_pictures_is_refused(
     assert cli.main(args) == 0
     capsys.readouterr()
     assert cli.main(["calibrate", str(path)]) == 2
-    assert "has no pictures; run it with --vision markers" in capsys.readouterr().err
+    assert "has no pictures; run it with vision markers" in capsys.readouterr().err

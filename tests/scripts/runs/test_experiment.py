@@ -165,7 +165,7 @@ def test_a_folder_of_another_version_is_refused_by_that_version(tmp_path: Path) 
     quick(tmp_path / "run").run()
     for name, cut in (("run.toml", '= "0.1.0"'), ("metrics.json", '"seed": 0,')):
         file = tmp_path / "run" / name
-        text = file.read_text()
+        text = re.sub('(# .*\n|  "crc32.*\n|,\n  "rows[^}]*})', "", file.read_text())  # no seals
         assert cut in text
         file.write_text(text.replace(cut, '= "0.0.7"' if name == "run.toml" else ""))
     with pytest.raises(ConfigError, match=r"written by endolock 0.0.7 .*seed.*; read it with that"):
@@ -195,7 +195,10 @@ class Failing(Still):
 def test_a_fault_is_not_hidden_by_a_folder_that_cannot_be_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    whole = RunFolder.close
+
     def close(self: RunFolder) -> None:
+        whole(self)
         raise ConfigError("disk full", "make room")
 
     monkeypatch.setattr(RunFolder, "close", close)

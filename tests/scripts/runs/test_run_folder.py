@@ -109,7 +109,7 @@ def test_a_run_without_pictures_has_no_strip(tmp_path: Path) -> None:
     request = Experiment(scenario="rest", vision="truth", duration_s=0.5, out=path)
     request.run()
     rerun_export.derive(path)
-    with pytest.raises(ConfigError, match="has no pictures; run it with --vision markers"):
+    with pytest.raises(ConfigError, match="has no pictures; run it with vision markers"):
         strip.write(path, tmp_path / "strip.png")
 
 
