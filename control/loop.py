@@ -88,6 +88,27 @@ class Recorder(Protocol):
         """Store one frame."""
 
 
+class Recorders:
+    """Several recorders as one; the first gets each row first.
+
+    Args:
+        recorders: what stores the rows.
+    """
+
+    def __init__(self, *recorders: Recorder) -> None:
+        self._recorders = recorders
+
+    def tick(self, tick: Tick) -> None:
+        """Store one control period in each."""
+        for recorder in self._recorders:
+            recorder.tick(tick)
+
+    def seen(self, seen: Seen) -> None:
+        """Store one frame in each."""
+        for recorder in self._recorders:
+            recorder.seen(seen)
+
+
 @dataclass
 class Run:
     """A run in memory, without pictures, which only the recorder gets."""
@@ -145,6 +166,7 @@ def run(
     duration_s: float,
     period_s: float = PERIOD_S,
     recorder: Recorder | None = None,
+    keep: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
     """Run a controller on a rig; the handles hold when it returns or raises.
@@ -159,10 +181,13 @@ def run(
         duration_s: length of the run [s], > 0.
         period_s: control period [s], a multiple of the clock's grid.
         recorder: stores every row at once, pictures included.
+        keep: whether the result holds all ticks and frames, about 4 kB per tick; a long run is
+            better left to a recorder, such as `metrics.Scorer`.
         progress: called with the time after each tick [s].
 
     Returns:
-        All ticks and frames, without pictures; `interrupted` if Ctrl-C ended it early.
+        All ticks and frames, without pictures, or none of them without `keep`; `interrupted` if
+        Ctrl-C ended it early.
 
     Raises:
         ConfigError: duration, period, eyes or controller cannot be used, or eyes or controller
@@ -211,7 +236,8 @@ def run(
                 )
                 if recorder:
                     recorder.seen(seen)
-                result.seen.append(seen.without_pictures())
+                if keep:
+                    result.seen.append(seen.without_pictures())
             tick = Tick(
                 t=t,
                 skipped=skipped,
@@ -224,7 +250,8 @@ def run(
             )
             if recorder:
                 recorder.tick(tick)
-            result.ticks.append(tick)
+            if keep:
+                result.ticks.append(tick)
             if blind and observation is not None:
                 law.reset(state)  # its memory is out of date
             if not blind or observation is not None:

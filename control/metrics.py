@@ -7,8 +7,7 @@ Errors are limited to `BEHIND_PX`, which is also the error of a target behind th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+from array import array
 from math import isfinite
 
 import numpy as np
@@ -22,7 +21,7 @@ from endolock.control.scores import (
     Scores,
     TipScores,
 )
-from endolock.hw.api import Calibration, TruthSample, Vector
+from endolock.hw.api import Calibration, Vector
 from endolock.vision import camera_model
 from endolock.vision.observation import Status
 
@@ -51,30 +50,137 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
         The scores. On a bench, which has no truth, the true errors are None; the error of vision
         is then measured against the markers around a target that was followed without them.
     """
-    begin = scored_from_s - 1e-9 + (run.ticks[0].t if run.ticks else 0.0)
-    ticks = [tick for tick in run.ticks if tick.t >= begin]
-    seen = [s for s in run.seen if s.frame.t_available >= begin]
-    accepted = [s for s in seen if s.observation.status is Status.TRACKING]
-    delayed = [_radius(calibration, s.observation.target_px) for s in accepted]
-    known = [tick.truth for tick in ticks if tick.truth]
-    on_a_bench = bool(run.ticks) and run.ticks[0].truth is None
-    error = np.array([_radius(calibration, truth.target_px) for truth in known])
-    degrees = np.array([truth.error_deg for truth in known])
-    return Scores(
-        overruns=sum(tick.skipped for tick in run.ticks),
-        frames=len(run.seen),
-        frames_dropped=sum(s.frame.dropped for s in run.seen),
-        detected_fraction=_share([s.observation.status is Status.TRACKING for s in run.seen]),
-        lost_fraction=_share([tick.status is Status.LOST for tick in run.ticks]),
-        time_to_lock_s=_time_to_lock(run.ticks, calibration),
-        error_px=None if on_a_bench else summary(error),
-        error_deg=None if on_a_bench else _extent(degrees),
-        delayed_error_px=summary(np.array(delayed)),
-        vision_error_px=_vision_error(accepted, on_a_bench),
-        handle=_handle(ticks),
-        tip=None if on_a_bench else _tip(known),
-        blur_px=_blur(ticks),
-    )
+    scorer = Scorer(calibration, scored_from_s)
+    for tick in run.ticks:
+        scorer.tick(tick)
+    for seen in run.seen:
+        scorer.seen(seen)
+    return scorer.scores()
+
+
+class Scorer:
+    """Scores a run while it goes on; a recorder that keeps numbers instead of rows.
+
+    Args:
+        calibration: calibration of the tip camera, for the image centre.
+        scored_from_s: as for `score` [s].
+    """
+
+    def __init__(self, calibration: Calibration, scored_from_s: float) -> None:
+        self._calibration, self._scored_from_s = calibration, scored_from_s
+        self.began_t: float | None = None
+        """Time of the first tick [s]; None before it."""
+        self.ran_s = 0.0
+        """From the first tick to the last [s]."""
+        self._begin = scored_from_s - 1e-9
+        self._on_a_bench = False
+        self._ticks = self._lost = self._overruns = 0
+        self._frames = self._accepted = self._dropped = 0
+        self._since: float | None = None
+        self._locked_s: float | None = None
+        self._last: Tick | None = None
+        # Of the scored ticks; those of the truth where it is known.
+        self._state_t, self._position, self._rate = array("d"), array("d"), array("d")
+        self._error, self._error_deg, self._bend = array("d"), array("d"), array("d")
+        self._image_speed = array("d")
+        # Of the accepted frames: time of delivery and error, in turn.
+        self._delayed, self._vision = array("d"), array("d")
+
+    def tick(self, tick: Tick) -> None:
+        """Take one control period."""
+        truth = tick.truth
+        if self.began_t is None:
+            self.began_t, self._on_a_bench = tick.t, truth is None
+            self._begin = self._scored_from_s - 1e-9 + tick.t
+        self.ran_s = tick.t - self.began_t
+        self._ticks += 1
+        self._lost += tick.status is Status.LOST
+        self._overruns += tick.skipped
+        error = _radius(self._calibration, truth.target_px) if truth else None
+        self._look_for_lock(tick.t, error)
+        if tick.t < self._begin:
+            return
+        self._state_t.append(tick.state.t)
+        self._position.extend(tick.state.position)
+        self._rate.extend(tick.state.velocity)
+        if truth and error is not None:
+            self._error.append(error)
+            self._error_deg.append(truth.error_deg)
+            self._bend.extend(truth.plant.bend_rad)
+        if truth and self._last and self._last.truth:
+            moved = np.hypot(*np.subtract(truth.target_px, self._last.truth.target_px))
+            if isfinite(speed := moved / (tick.t - self._last.t)):
+                self._image_speed.append(speed)
+        self._last = tick
+
+    def seen(self, seen: Seen) -> None:
+        """Take one frame."""
+        observation, at = seen.observation, seen.frame.t_available
+        self._frames += 1
+        self._dropped += seen.frame.dropped
+        if observation.status is not Status.TRACKING:
+            return
+        self._accepted += 1
+        self._delayed.extend((at, _radius(self._calibration, observation.target_px)))
+        # The truth; on a bench the markers around the target.
+        true = seen.truth.target_px if seen.truth else observation.reference_px
+        if isfinite(true[0]):
+            off = float(np.hypot(*np.subtract(observation.target_px, true)))
+            self._vision.extend((at, off))
+
+    def scores(self) -> Scores:
+        """Return the scores of all that was taken."""
+        simulated = not self._on_a_bench
+        vision = self._scored(self._vision)
+        return Scores(
+            overruns=self._overruns,
+            frames=self._frames,
+            frames_dropped=self._dropped,
+            detected_fraction=self._accepted / self._frames if self._frames else None,
+            lost_fraction=self._lost / self._ticks if self._ticks else None,
+            time_to_lock_s=self._locked_s,
+            error_px=summary(np.array(self._error)) if simulated else None,
+            error_deg=_extent(np.array(self._error_deg)) if simulated else None,
+            delayed_error_px=summary(self._scored(self._delayed)),
+            vision_error_px=_extent(vision) if vision.size or simulated else None,
+            handle=self._handle(),
+            tip=_tip(np.array(self._bend).reshape(-1, 2)) if simulated else None,
+            blur_px=float(np.mean(self._image_speed)) * EXPOSURE_S if self._image_speed else None,
+        )
+
+    def _scored(self, pairs: array[float]) -> Vector:
+        """Return the errors of the frames delivered in the scored part."""
+        at, error = np.array(pairs).reshape(-1, 2).T
+        return np.ascontiguousarray(error[at >= self._begin])
+
+    def _look_for_lock(self, t: float, error: float | None) -> None:
+        """Find the first time after which the error stays low for `LOCKED_FOR_S`."""
+        if error is None or error >= LOCKED_PX:
+            self._since = None
+        elif self._since is None:
+            self._since = t
+        elif self._locked_s is None and t - self._since >= LOCKED_FOR_S - 1e-9:
+            self._locked_s = self._since - (self.began_t or 0.0)
+
+    def _handle(self) -> HandleScores:
+        """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""
+        t = np.array(self._state_t)
+        if len(t) < 4 or t[-1] <= t[0]:
+            return HandleScores()
+        position = np.array(self._position).reshape(len(t), -1)
+        rate = np.array(self._rate).reshape(len(t), -1)
+        dt = (t[-1] - t[0]) / (len(t) - 1)
+        accel = np.diff(rate, axis=0) / dt
+        jerk = np.diff(accel, axis=0) / dt
+        reversals = sum(_reversals(axis.tolist()) for axis in position.T)
+        return HandleScores(
+            rate_rms=rms(np.linalg.norm(rate, axis=1)),
+            accel_rms=rms(np.linalg.norm(accel, axis=1)),
+            jerk_rms=rms(np.linalg.norm(jerk, axis=1)),
+            travel_rad=float(np.abs(np.diff(position, axis=0)).sum()),
+            reversals_per_s=reversals / float(t[-1] - t[0]),
+            p2p_deg=np.degrees(np.ptp(position, axis=0)).tolist(),
+        )
 
 
 def _radius(calibration: Calibration, pixel: tuple[float, float]) -> float:
@@ -106,55 +212,11 @@ def _extent(error: Vector) -> ErrorExtent:
     return ErrorExtent(rms=rms(error), max=float(error.max()))
 
 
-def _vision_error(accepted: Sequence[Seen], on_a_bench: bool) -> ErrorExtent | None:
-    """Distance of the accepted pixels from the truth; on a bench from the markers around them."""
-    error = []
-    for s in accepted:
-        true = s.truth.target_px if s.truth else s.observation.reference_px
-        if isfinite(true[0]):
-            error.append(np.hypot(*np.subtract(s.observation.target_px, true)))
-    return _extent(np.array(error)) if error or not on_a_bench else None
-
-
-def _time_to_lock(ticks: Sequence[Tick], calibration: Calibration) -> float | None:
-    """First time after which the error stays below `LOCKED_PX` for `LOCKED_FOR_S` [s]."""
-    since: float | None = None
-    for tick in ticks:
-        if not tick.truth or _radius(calibration, tick.truth.target_px) >= LOCKED_PX:
-            since = None
-        elif since is None:
-            since = tick.t
-        elif tick.t - since >= LOCKED_FOR_S - 1e-9:
-            return since - ticks[0].t
-    return None
-
-
-def _handle(ticks: Sequence[Tick]) -> HandleScores:
-    """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""
-    if len(ticks) < 4 or ticks[-1].state.t <= ticks[0].state.t:
-        return HandleScores()
-    t = np.array([tick.state.t for tick in ticks])
-    position = np.array([tick.state.position for tick in ticks])
-    rate = np.array([tick.state.velocity for tick in ticks])
-    dt = (t[-1] - t[0]) / (len(t) - 1)
-    accel = np.diff(rate, axis=0) / dt
-    jerk = np.diff(accel, axis=0) / dt
-    reversals = sum(_reversals(axis.tolist()) for axis in position.T)
-    return HandleScores(
-        rate_rms=rms(np.linalg.norm(rate, axis=1)),
-        accel_rms=rms(np.linalg.norm(accel, axis=1)),
-        jerk_rms=rms(np.linalg.norm(jerk, axis=1)),
-        travel_rad=float(np.abs(np.diff(position, axis=0)).sum()),
-        reversals_per_s=reversals / float(t[-1] - t[0]),
-        p2p_deg=np.degrees(np.ptp(position, axis=0)).tolist(),
-    )
-
-
-def _tip(known: Sequence[TruthSample]) -> TipScores:
-    """True motion of the tip on each axis [deg]: peak to peak, and distance travelled."""
-    if not known:
+def _tip(bend_rad: Vector) -> TipScores:
+    """True motion of the tip on each axis, from its bends, n x 2 [rad]."""
+    if not bend_rad.size:
         return TipScores()
-    bend = np.degrees([truth.plant.bend_rad for truth in known])
+    bend = np.degrees(bend_rad)
     return TipScores(
         p2p_deg=np.ptp(bend, axis=0).tolist(),
         travel_deg=np.abs(np.diff(bend, axis=0)).sum(axis=0).tolist(),
@@ -171,19 +233,3 @@ def _reversals(position: list[float]) -> int:
             count += direction != 0
             direction, extreme = (1 if p > extreme else -1), p
     return count
-
-
-def _blur(ticks: Sequence[Tick]) -> float | None:
-    """Mean motion of the target's image within one exposure [px]."""
-    pairs = [(a, b) for a, b in pairwise(ticks) if a.truth and b.truth]
-    speeds = [
-        np.hypot(*np.subtract(b.truth.target_px, a.truth.target_px)) / (b.t - a.t)
-        for a, b in pairs
-        if a.truth and b.truth
-    ]
-    finite = [s for s in speeds if isfinite(s)]
-    return float(np.mean(finite)) * EXPOSURE_S if finite else None
-
-
-def _share(facts: Sequence[bool]) -> float | None:
-    return float(np.mean(facts)) if facts else None

@@ -194,29 +194,31 @@ class Experiment:
             controller = self._make(rig, task.settings)
             name = f"{scenario.name}-{self.controller_name}"
             path = self.out or run_folder.new_path(RUNS, name)
+            scorer = metrics.Scorer(rig.camera.calibration, scenario.scored_from_s)
             folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
-            if rig.line:
-                rig.line.record(path / run_folder.BUS_LOG)
-                if rig is self.rig:  # its line goes on without this run
-                    afterwards.callback(rig.line.stop_recording)
             start = time.perf_counter()
             shown = f"{label} {name}".strip()
             with folder, progress(shown, scenario.duration_s, show_progress) as update:
+                if rig.line:
+                    rig.line.record(path / run_folder.BUS_LOG)
+                    if rig is self.rig:  # its line goes on without this run
+                        afterwards.callback(rig.line.stop_recording)
                 result = loop.run(
                     rig,
                     eyes,
                     controller,
                     duration_s=scenario.duration_s,
-                    recorder=folder,
+                    recorder=loop.Recorders(folder, scorer),
+                    keep=False,
                     progress=update,
                 )
             wall_s = time.perf_counter() - start
-            scores = metrics.score(result, rig.camera.calibration, scenario.scored_from_s)
+            scores = scorer.scores()
             simulated = rig.truth is not None
-        ran_s = result.ticks[-1].t - result.ticks[0].t if result.ticks else 0.0
+        ran_s = scorer.ran_s
         needed = constant = None
         # The path is known from the start of a scenario; a rig object may be further on.
-        fresh = isinstance(self.rig, str) or (result.ticks and result.ticks[0].t <= loop.PERIOD_S)
+        fresh = isinstance(self.rig, str) or (scorer.began_t or 0.0) <= loop.PERIOD_S
         if simulated and fresh and ran_s > scenario.scored_from_s:
             ran = scenario.model_copy(update={"duration_s": ran_s})
             needed, constant = hindsight(ran, task.instrument, self.seed)

@@ -6,6 +6,7 @@ record = RecordedVision(source=Path("runs/20260101-120000-circle-pi"), vision="t
 from __future__ import annotations
 
 import time
+from array import array
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
@@ -13,7 +14,7 @@ from pathlib import Path
 from statistics import median
 
 from endolock.control import metrics
-from endolock.control.loop import Run, Seen
+from endolock.control.loop import Seen
 from endolock.control.scores import ErrorExtent, ErrorSummary
 from endolock.hw.api import ConfigError
 from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera
@@ -86,7 +87,7 @@ class RecordedVision:
         if self.out:
             known = {"calibration": asdict(recording.calibration), "board": asdict(recording.board)}
             folder = run_folder.RunFolder(self.out, {"run": {"source": str(self.source)}, **known})
-        run, taken = Run(), []
+        scorer, taken = metrics.Scorer(recording.calibration, 0.0), array("d")
         refused: Counter[str] = Counter()
         with folder or nullcontext():
             while (due := camera.due) is not None:
@@ -101,8 +102,8 @@ class RecordedVision:
                 seen = Seen(frame=frame, observation=observation, overview=None, truth=None)
                 if folder:
                     folder.seen(seen)
-                run.seen.append(seen.without_pictures())
-        scores = metrics.score(run, recording.calibration, 0.0)
+                scorer.seen(seen)
+        scores = scorer.scores()
         named = isinstance(self.vision, str)
         record = VisionRecord(
             frames=scores.frames,
