@@ -7,6 +7,7 @@ from math import exp
 
 from endolock.hw.api import AXES, Clock, Command, State
 from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.models import XM430_W350, Model
 from endolock.hw.dynamixel.registers import Units
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
@@ -79,11 +80,20 @@ class LagMotor:
 class Emulated:
     """Everything from guard to motor."""
 
-    def __init__(self, *faults: WireFault, seed: int = 0, handles: dict[str, Handle] | None = None):
+    def __init__(
+        self,
+        *faults: WireFault,
+        seed: int = 0,
+        handles: dict[str, Handle] | None = None,
+        models: tuple[Model, Model] = (XM430_W350, XM430_W350),
+    ):
         self.clock = BenchClock()
         self.motors = [LagMotor(self.clock, angle) for angle in START]
         now = self.clock.now
-        self.servos = [Servo(m, device=i, now=now) for i, m in enumerate(self.motors, 1)]
+        rows = zip(self.motors, models, strict=True)
+        self.servos = [
+            Servo(motor, device=i, now=now, model=model) for i, (motor, model) in enumerate(rows, 1)
+        ]
         self.clock.servos = self.servos
         self.wire = FaultyBus(EmulatedBus(self.servos, now), now, faults, seed)
         self.port = Loopback(self.wire)

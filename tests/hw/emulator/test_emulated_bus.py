@@ -426,3 +426,23 @@ def test_after_a_trip_sync_writes_have_no_effect_until_the_watchdog_is_off(line:
     line.ask(BROADCAST, Instruction.SYNC_WRITE, GOALS)
     line.wait(SETTLED_S)
     assert line.ask(1, Instruction.READ, of(reg.POSITION)) == [(1, 0, pack("<i", 2200))]
+
+
+def test_a_secondary_id_obeys_without_an_answer_and_keeps_its_eeprom(line: Line) -> None:
+    line.ask(2, Instruction.WRITE, at(reg.SECONDARY_ID, b"\x01"))
+    assert [device for device, *_ in line.ask(1, Instruction.WRITE, GOAL)] == [1]
+    assert line.goals == (2200, 2200)
+    line.ask(1, Instruction.WRITE, at(reg.RETURN_DELAY, b"\x07"))
+    assert [value(servo, reg.RETURN_DELAY) for servo in (line.first, line.second)] == [7, -6]
+    assert line.ask(1, Instruction.PING) == [(1, 0, HELLO)]  # only the one with this id
+    goals = of(reg.GOAL_POSITION) + pack("<BiBi", 2, 1100, 1, 900)
+    line.ask(BROADCAST, Instruction.SYNC_WRITE, goals)
+    assert line.goals == (900, 900)
+    line.ask(2, Instruction.WRITE, at(reg.SECONDARY_ID, b"\xfd"))  # 253: none
+    line.ask(1, Instruction.WRITE, GOAL)
+    assert line.goals == (2200, 900)
+
+
+def test_a_servo_set_to_another_protocol_is_silent(line: Line) -> None:
+    line.ask(2, Instruction.WRITE, at(reg.PROTOCOL, b"\x01"))
+    assert [device for device, *_ in line.ask(BROADCAST, Instruction.PING)] == [1]

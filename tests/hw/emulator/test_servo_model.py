@@ -250,3 +250,77 @@ def test_indirect_data_from_beyond_the_table_are_refused(one: One) -> None:
     one.put(Register(reg.INDIRECT_ADDRESS.address, 2), reg.END)
     with pytest.raises(Refused, match=r"^access$"):
         one.servo.read(reg.INDIRECT_DATA.address, 1)
+
+
+# What another program may leave.
+
+
+def test_reversed_positions_speeds_and_goals_have_the_other_sign(one: One) -> None:
+    one.turning(CENTRE + 100)
+    one.wait(SETTLED_S)
+    one.put(reg.TORQUE_ENABLE, 0)
+    at = one.motor.measure()[0]
+    one.put(reg.DRIVE_MODE, 1)
+    assert one.get(reg.POSITION) == -CENTRE - 100
+    one.put(reg.TORQUE_ENABLE, 1)
+    one.put(reg.GOAL_POSITION, -CENTRE)
+    one.wait(0.02)
+    assert one.get(reg.VELOCITY) > 0
+    one.wait(SETTLED_S)
+    assert one.motor.measure()[0] == pytest.approx(at - 100 * Units().position_rad)
+    one.put(reg.TORQUE_ENABLE, 0)
+    one.put(reg.DRIVE_MODE, 0)
+    assert one.get(reg.POSITION) == CENTRE
+
+
+def test_a_goal_can_switch_torque_on(one: One) -> None:
+    one.put(reg.DRIVE_MODE, 8)
+    one.put(reg.GOAL_POSITION, CENTRE + 50)
+    one.wait(SETTLED_S)
+    assert (one.get(reg.TORQUE_ENABLE), one.get(reg.POSITION)) == (1, CENTRE + 50)
+
+
+def test_a_startup_configuration_switches_torque_on_and_restores_what_was_set(one: One) -> None:
+    one.put(reg.STARTUP, 3)
+    one.put(reg.POSITION_P, 123)
+    one.put(Register(reg.INDIRECT_ADDRESS.address, 2), reg.TICK.address)
+    one.put(reg.WATCHDOG, 20)
+    one.servo.reboot()
+    assert (one.get(reg.TORQUE_ENABLE), one.motor.on) == (1, True)
+    assert one.get(reg.POSITION_P) == 123
+    assert one.get(Register(reg.INDIRECT_ADDRESS.address, 2)) == reg.TICK.address
+    assert one.get(reg.WATCHDOG) == 0
+    one.put(reg.TORQUE_ENABLE, 0)
+    one.put(reg.STARTUP, 0)
+    one.servo.reboot()
+    assert (one.get(reg.TORQUE_ENABLE), one.get(reg.POSITION_P)) == (0, 800)
+
+
+@pytest.mark.parametrize("register", [reg.POSITION_P, reg.GOAL_PWM, reg.GOAL_CURRENT])
+def test_without_gain_power_or_current_a_motor_does_not_move(one: One, register: Register) -> None:
+    one.put(reg.OPERATING_MODE, reg.CURRENT_POSITION)
+    usual = one.get(register)
+    one.put(register, 0)
+    one.put(reg.TORQUE_ENABLE, 1)
+    one.put(reg.GOAL_POSITION, CENTRE + 100)
+    one.wait(SETTLED_S)
+    assert one.get(reg.POSITION) == CENTRE
+    one.put(register, usual)
+    one.wait(SETTLED_S)
+    assert one.get(reg.POSITION) == CENTRE + 100
+
+
+def test_goals_of_current_and_power_lie_within_their_limits(one: One) -> None:
+    for goal, limit in ((reg.GOAL_PWM, reg.PWM_LIMIT), (reg.GOAL_CURRENT, reg.CURRENT_LIMIT)):
+        one.put(limit, 300)
+        assert one.refusal(goal, 301) is Refusal.DATA_LIMIT
+        assert one.refusal(goal, -300) is None
+    assert one.refusal(reg.CURRENT_LIMIT, 1194) is Refusal.DATA_RANGE
+
+
+def test_a_change_of_the_mode_resets_gains_and_goals(one: One) -> None:
+    for register, value in ((reg.POSITION_P, 3), (reg.POSITION_I, 4), (reg.GOAL_PWM, 5)):
+        one.put(register, value)
+    one.put(reg.OPERATING_MODE, reg.EXTENDED_POSITION)
+    gains = [one.get(register) for register in (reg.POSITION_P, reg.POSITION_I, reg.GOAL_PWM)]
+    assert gains == [800, 0, reg.FULL_PWM]
