@@ -12,11 +12,8 @@ from endolock.control.user_eyes import UserEyes
 from endolock.hw.api import PERIOD_S as PERIOD_S
 from endolock.hw.api import Clock, Command, ConfigError, Frame, Pose, Rig, State, TruthSample
 from endolock.hw.frozen import Frozen
+from endolock.vision.observation import BLIND_S as BLIND_S
 from endolock.vision.observation import Eyes, Observation, Status
-
-BLIND_S = 2.0
-"""Without a new frame for longer than this [s] the video has stopped: the lock is lost, and the
-handles hold until a frame comes. Assumed: more than twice the longest latency in use."""
 
 
 class Controller(Protocol):

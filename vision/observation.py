@@ -11,6 +11,9 @@ from endolock.hw.api import Frame
 
 COAST_FRAMES = 6
 """Number of successive frames without the target after which the lock is lost. Assumed."""
+BLIND_S = 2.0
+"""Without a new frame for longer than this [s] the video has stopped: the lock is lost, and the
+handles hold until a frame comes. Assumed: more than twice the longest latency in use."""
 
 
 class Status(StrEnum):

@@ -14,9 +14,9 @@ from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.serial_rig import SerialRig
 from endolock.hw.lifecycle import close_after
+from endolock.twin.exact_eyes import eyes_of_truth
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.physics.surrogate_plant import Transmission
-from endolock.twin.randomness import generator
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.fitted_plays import plays_of
@@ -26,7 +26,6 @@ from endolock.twin.world.scenario import Scenario
 from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection, TrackEyes
-from endolock.vision.truth_eyes import TruthEyes
 
 SERIAL = "serial:"
 """Prefix of the name of a bench on a serial port."""
@@ -232,8 +231,7 @@ def eyes_of(
         return eyes
     if rig.truth is None:
         raise ConfigError("the rig has no truth", "use vision markers or track")
-    noise = generator(seed, "vision.noise")
-    return TruthEyes(rig.truth, scenario.camera.truth_noise_px, noise)
+    return eyes_of_truth(rig.truth, scenario, seed)
 
 
 def _check_selection(select: Selection | None, vision: str) -> None:

@@ -3,24 +3,25 @@
     gymnasium.make("endolock.twin.env.gym_env:Endolock/TargetLock-v0")
     gymnasium.make("endolock.twin.env.gym_env:Endolock/TargetLock-Pixels-v0", scenario="circle")
 
-It is `endolock.twin.env.target_lock` with the same observations, as float32, and the same reward;
-actions are fractions of the handles' range, from -1 to 1. An episode is truncated at the scenario's
-end.
+Observations, as float32, and reward are those of `endolock.twin.env.episode`; actions are fractions
+of the handles' range, from -1 to 1. An episode is truncated at the scenario's end. dm-control is
+not needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from endolock.hw.api import PERIOD_S, ConfigError, Image, Vector
-from endolock.twin.env import target_lock
-from endolock.twin.rig import TwinRig
-from endolock.twin.world.scenario import Scenario
-from endolock.vision.observation import Eyes
+from endolock.hw.api import AXES, PERIOD_S, ConfigError, Image
+from endolock.hw.child_processes import safe_path
+from endolock.twin.env import episode
+from endolock.twin.env.episode import Episode, MakeEyes
+from endolock.twin.exact_eyes import exact_eyes
+from endolock.twin.world.scenario import Scenario, load
 
 try:
     import gymnasium
@@ -58,20 +59,28 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
         scenario: str | Path | Scenario = "straight",
         *,
         pixels: bool = False,
-        eyes: Callable[[TwinRig], Eyes] = target_lock.exact_eyes,
+        eyes: MakeEyes = exact_eyes,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
+        if render_mode not in (None, *self.metadata["render_modes"]):
             raise ConfigError(f"render mode '{render_mode}' is unknown", "use rgb_array")
         self.render_mode = render_mode
-        pictures = True if render_mode else None
-        self._env = target_lock.make(scenario, pixels=pixels, eyes=eyes, pictures=pictures)
-        goals = self._env.action_spec()
-        self._low, self._high = goals.minimum, goals.maximum
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, goals.shape, np.float32)
-        self.observation_space = gymnasium.spaces.Dict(
-            {name: _box(spec) for name, spec in self._env.observation_spec().items()}
-        )
+        self._eyes = None if pixels else eyes
+        loaded = load(scenario)
+        self._make_rig = episode.rig_maker(loaded, self._eyes, True if render_mode else None)
+        self._periods, self._left = episode.periods(loaded), 0
+        self._episode: Episode | None = None
+        self._rig = self._make_rig(0)  # spaces are needed before the first reset
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(AXES),), np.float32)
+        ranges = episode.ranges(self._rig, eyes=self._eyes is not None)
+        spaces = {
+            name: gymnasium.spaces.Box(*(bound.astype(np.float32) for bound in bounds))
+            for name, bounds in ranges.items()
+        }
+        if pixels:
+            shape = episode.black(self._rig).shape
+            spaces["pixels"] = gymnasium.spaces.Box(0, 255, shape, np.uint8)
+        self.observation_space = gymnasium.spaces.Dict(spaces)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -80,34 +89,56 @@ class TargetLockEnv(gymnasium.Env):  # type: ignore[misc]  # an extra, so types 
 
         Args:
             seed: seed of the episode; None to draw one.
-            options: not used.
-        """
-        super().reset(seed=seed)
-        episode = int(self.np_random.integers(2**31)) if seed is None else seed
-        self._env.physics.reseed(episode)
-        return _observed(self._env.reset().observation), {}
+            options: there are none; None or empty.
 
-    def step(self, action: Vector) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Turn the handles towards `action`, fractions of their range from -1 to 1, for 20 ms."""
-        share = (np.asarray(action, np.float64) + 1.0) / 2.0
-        step = self._env.step(self._low + share * (self._high - self._low))
-        if step.first():
+        Raises:
+            ConfigError: there are options.
+        """
+        if options:
+            names = ", ".join(map(str, options))
+            raise ConfigError(
+                f"reset has no option {names}", "give parameters when the environment is made"
+            )
+        super().reset(seed=seed)
+        drawn = int(self.np_random.integers(2**31)) if seed is None else seed
+        self.close()
+        self._rig = self._make_rig(drawn)
+        self._episode, self._left = Episode(self._rig, self._eyes), self._periods
+        return _observed(self._episode.observation()), {}
+
+    def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Turn the handles towards `action` for 20 ms.
+
+        Args:
+            action: fractions of the handles' range, (up_down, left_right), shape (2,), from -1 to
+                1; the handles stop at the ends of their range if it is beyond.
+
+        Raises:
+            CommandError, a ValueError: its shape is another, or it is not finite; nothing moved.
+            ResetNeeded: the episode has ended or not begun.
+        """
+        if self._episode is None or not self._left:
             raise gymnasium.error.ResetNeeded("the episode has ended or not begun; call reset()")
-        return _observed(step.observation), step.reward, False, step.last(), {}
+        self._episode.act_on_scale(action)
+        self._rig.clock.sleep_until(self._rig.clock.now() + PERIOD_S)
+        self._episode.tick()
+        self._left -= 1
+        observed = _observed(self._episode.observation())
+        return observed, self._episode.reward(), False, not self._left, {}
 
     def render(self) -> Image | None:
         """Return the newest delivered tip picture, black before the first; None without a mode."""
-        rig: TwinRig = self._env.physics.rig
         if self.render_mode is None:
             return None
-        frame, calibration = rig.camera.latest(), rig.camera.calibration
+        frame = self._rig.camera.latest()
         if frame is None or frame.image is None:
-            return np.zeros((calibration.height, calibration.width, 3), np.uint8)
+            return episode.black(self._rig)
         return frame.image.copy()
 
     def close(self) -> None:
-        """Close the rig; may be called twice."""
-        self._env.close()
+        """Close the rig, which ends the episode; may be called twice."""
+        self._episode = None
+        self._rig.close()
 
 
 def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
@@ -119,20 +150,14 @@ def vector(count: int, **kwargs: Any) -> AsyncVectorEnv:
         count: number of environments.
         kwargs: arguments of each `TargetLockEnv`.
     """
-    return gymnasium.make_vec(
-        STATE_ID,
-        count,
-        gymnasium.VectorizeMode.ASYNC,
-        vector_kwargs={"context": "spawn"},  # a forked process would share the OpenGL context
-        **kwargs,
-    )
-
-
-def _box(spec: Any) -> gymnasium.spaces.Box:
-    """Convert the specification of one array; numbers become float32."""
-    kind = np.uint8 if spec.dtype == np.uint8 else np.float32
-    low, high = (np.broadcast_to(bound, spec.shape) for bound in (spec.minimum, spec.maximum))
-    return gymnasium.spaces.Box(low.astype(kind), high.astype(kind), dtype=kind)
+    with safe_path():
+        return gymnasium.make_vec(
+            STATE_ID,
+            count,
+            gymnasium.VectorizeMode.ASYNC,
+            vector_kwargs={"context": "spawn"},  # a forked process would share the OpenGL context
+            **kwargs,
+        )
 
 
 def _observed(values: dict[str, Any]) -> dict[str, Any]:

@@ -255,7 +255,7 @@ def test_physics_sleeps_on_the_clock_of_the_rig() -> None:
         assert made.physics.time() == rig.clock.now() == pytest.approx(7 * rig.clock.timestep_s)
 
 
-@pytest.mark.parametrize(("action", "error"), [((np.nan, 0.0), "finite"), ((0.0,), "give 2")])
+@pytest.mark.parametrize(("action", "error"), [((np.nan, 0.0), "finite"), ((0.0,), "give 2 finite")])
 def test_a_bad_action_is_refused(action: tuple[float, ...], error: str) -> None:
     with target_lock.make("rest") as made:
         made.reset()
