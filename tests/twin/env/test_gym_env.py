@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
 from endolock.hw.api import ConfigError
-from endolock.twin.env import target_lock
 from endolock.twin.world import scenario
 
 pytestmark = pytest.mark.extra
@@ -38,6 +36,9 @@ def test_the_checker_of_gymnasium_passes(gymnasium: Any, name: str) -> None:
 
 
 def test_it_equals_the_dm_control_environment(gymnasium: Any) -> None:
+    pytest.importorskip("dm_control", reason="pip installs no dm-control on Python 3.13 and later")
+    from endolock.twin.env import target_lock
+
     made = gymnasium.make("Endolock/TargetLock-v0", scenario=SMALL)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 2)).astype(np.float32)
     with target_lock.make(SMALL, seed=5) as ours:
@@ -55,6 +56,62 @@ def test_it_equals_the_dm_control_environment(gymnasium: Any) -> None:
     with pytest.raises(gymnasium.error.ResetNeeded):
         made.step(actions[0])
     made.close()
+
+
+@pytest.mark.parametrize(
+    "action", [0.5, [0.5], [0.5] * 3, [[0.5, 0.5]], [[0.5], [0.5]], [np.nan, 0.5], ["a", "b"], None]
+)
+def test_a_bad_action_is_a_value_error(gymnasium: Any, action: Any) -> None:
+    made = gymnasium.make("Endolock/TargetLock-v0", scenario=SMALL).unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        made.step(np.zeros(2))
+    made.reset(seed=0)
+    with pytest.raises(ValueError, match="give 2 finite numbers: up_down, left_right"):
+        made.step(action)
+    made.close()
+
+
+def test_an_action_beyond_the_ends_of_the_range_is_one_at_its_ends(gymnasium: Any) -> None:
+    observed = []
+    for action in ([1.0, -1.0], [3.0, -1e9]):
+        made = gymnasium.make("Endolock/TargetLock-v0", scenario=SMALL).unwrapped
+        made.reset(seed=0)
+        observed.append([made.step(action)[0]["handle_position"].tolist() for _ in range(10)])
+        made.close()
+    assert observed[0] == observed[1]
+
+
+def test_reset_takes_a_seed_and_no_options(gymnasium: Any) -> None:
+    noisy = scenario.load(SMALL, {"camera.jitter_s": 0.05})
+    made = gymnasium.make("Endolock/TargetLock-v0", scenario=noisy).unwrapped
+    with pytest.raises(ConfigError, match="reset has no option scenario; give parameters when"):
+        made.reset(seed=3, options={"scenario": "circle"})
+
+    def ages(**options: Any) -> list[float]:
+        made.reset(**options)
+        return [float(made.step([0.0, 0.0])[0]["frame_age"][0]) for _ in range(15)]
+
+    first, second = ages(seed=3, options={}), ages()
+    assert first != second  # drawn from the seed
+    assert [ages(seed=3), ages()] == [first, second]
+    made.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*Calling `close` while waiting")  # of Gymnasium, after errors
+def test_parallel_pictures_in_forked_processes_are_refused(gymnasium: Any) -> None:
+    from endolock.twin.env.gym_env import PIXELS_ID
+    from endolock.twin.rig import TwinRig
+
+    with TwinRig(SMALL) as rig:
+        rig.clock.sleep_until(0.0)  # renders in this process
+    forked = gymnasium.make_vec(
+        PIXELS_ID, 2, "async", scenario=SMALL, vector_kwargs={"context": "fork"}
+    )
+    try:
+        with pytest.raises(ConfigError, match="use the start method spawn"):
+            forked.reset(seed=0)
+    finally:
+        forked.close(terminate=True)
 
 
 def test_render_shows_what_pixels_observe(gymnasium: Any) -> None:
