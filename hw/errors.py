@@ -24,6 +24,7 @@ class EndolockError(Exception):
     """
 
     def __init__(self, what: str, next_step: str = "") -> None:
+        what, next_step = one_line(what), one_line(next_step)
         super().__init__(what, next_step)
         self.what = what
         self.next_step = next_step
@@ -150,6 +151,13 @@ def for_people(error: EndolockError) -> str:
         step = f"{step}, then {again}" if step else again
     notes = getattr(error, "__notes__", ())
     return "; ".join(part for part in (error.what, step, *notes) if part)
+
+
+def one_line(text: str) -> str:
+    """Return a text with what a terminal would obey, such as a new line, written as Python does."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def did_you_mean(name: str, known: Iterable[str], prefix: str = "") -> str:

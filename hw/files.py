@@ -183,7 +183,7 @@ def _explained(problem: Any, where: str) -> tuple[str, str]:
         return f"{problem['ctx']['discriminator']} is missing", ""
     if kind == "tuple_type" and isinstance(value, dict):
         return "there may be several", f"write [[{where}]]"
-    if kind == "model_type" and isinstance(value, list):
+    if kind == "model_type" and isinstance(value, list | tuple):
         return "there is only one", f"write [{where}]"
     return f"{problem['msg'].replace('Input should be', 'should be')}, got {shown(value)}", ""
 

@@ -73,7 +73,12 @@ class Bounded:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self.check, handler(source))
+        number: Any = dict(handler(source))
+        if number["type"] in ("float", "int"):  # strict in classes that are not, too
+            number["strict"] = True
+        if number["type"] == "float":
+            number["allow_inf_nan"] = False
+        return core_schema.no_info_after_validator_function(self.check, number)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

@@ -150,12 +150,6 @@ class Experiment:
         scenario = task.scenario
         if not isinstance(self.rig, str):
             self._check_rig({**task._asdict(), "seed": self.seed})
-        if scenario.scored_from_s >= scenario.duration_s:
-            raise ConfigError(
-                f"scored_from_s {scenario.scored_from_s:g} is not before the end at "
-                f"{scenario.duration_s:g} s",
-                "use a smaller one or a longer duration_s",
-            )
         settings = self._settings(scenario, task.instrument, task.law)
         if task.law and not self.force:
             theory.check_stable(self.controller_name, settings, scenario)

@@ -15,12 +15,9 @@ import numpy as np
 
 from endolock.hw.api import Calibration, Image, Vector
 from endolock.twin.randomness import generator
-from endolock.twin.world.scenario_sections import CameraSettings
+from endolock.twin.world.scenario_sections import FISHEYE_MARGIN, CameraSettings
 from endolock.vision import camera_model
 
-FOCAL_SHARE = 0.9
-"""Focal length of the rendered picture over that of the fisheye: nearly as fine in the middle, and
-finer everywhere else. Source: measured, it does not limit the markers."""
 NOISE_BANK = 4
 """Size of the bank of noise, in pictures; each frame starts at a random row of it."""
 
@@ -58,7 +55,7 @@ def shot(camera: CameraSettings) -> Shot:
         return Shot(width, height, camera.fovy_deg)
     fisheye = calibration(camera)
     seen = np.abs(_rays(fisheye)[camera_model.visible(fisheye).ravel()]).max(axis=0)
-    focal_px = FOCAL_SHARE * fisheye.focal_px
+    focal_px = FISHEYE_MARGIN * fisheye.focal_px
     across, down = (2 * ceil(focal_px * float(side) + 1) for side in seen[:2])
     return Shot(across, down, degrees(2 * atan(down / 2 / focal_px)))
 

@@ -16,6 +16,7 @@ from endolock.hw import boards, rotation
 from endolock.hw.api import BoardGeometry, ConfigError, Image, Vector
 from endolock.twin.model import drawing, section, tissue
 from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.joint_conditions import PLATE_M, WALL_BEHIND_M
 
 TEXTURES = {name: Path("assets") / f"{name}.png" for name in ("board", "board_centre", "wall")}
 """Textures of the board, its middle and the wall, relative to scene.xml."""
@@ -28,8 +29,6 @@ TIP_LIGHT_M = 0.05
 """Distance at which the tip's light is as bright with fall-off as without [m]. Assumed."""
 REST_DISTANCE_M = 0.12
 """Board to tip camera in the committed scene [m]. Source: 12 cm, thesis ch. 6."""
-WALL_DISTANCE_M = 0.10
-"""Wall behind the board [m]. Assumed; it only fills the picture."""
 OVERVIEW_POSITION = (-0.10, 0.11, 0.17)
 OVERVIEW_TARGET = (0.17, -0.025, -0.015)
 """Position of the fixed camera and point it looks at [m]. It sees the section and the front of the
@@ -39,7 +38,6 @@ OVERVIEW_FOVY_DEG = 50.0
 WORLD_FROM_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from base axes (right, down, distal) to world axes (distal, left, up)."""
 
-OCCLUDER_THICKNESS_M = 0.002
 OCCLUDER_COLOUR = (0.50, 0.43, 0.40, 1.0)
 """Colour of a plain occluder. Assumed: greyish brown, duller than the wall."""
 
@@ -109,7 +107,7 @@ def add_scene(
         spec.add_material(name="plain", rgba=OCCLUDER_COLOUR, specular=0.0, shininess=0.0)
     world = spec.worldbody
     front = [0.0, -1.0, 0.0, 0.0, 0.0, 1.0]  # x right, y up, normal towards the camera
-    for name, behind in (("wall", WALL_DISTANCE_M), ("target", 0.0)):
+    for name, behind in (("wall", WALL_BEHIND_M), ("target", 0.0)):
         position = camera + [REST_DISTANCE_M + behind, 0.0, 0.0]
         body = world.add_body(name=name, pos=position, mocap=not behind)
         body.alt.type, body.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, front
@@ -194,8 +192,8 @@ def _add_plate(spec: mujoco.MjSpec, name: str, plate: Plate) -> None:
     width, height = plate.size_m
     if plate.look == "plain":
         box = spec.body(name).add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, material="plain")
-        box.size = [width / 2, height / 2, OCCLUDER_THICKNESS_M / 2]
-        box.pos = [0.0, 0.0, -OCCLUDER_THICKNESS_M / 2]
+        box.size = [width / 2, height / 2, PLATE_M / 2]
+        box.pos = [0.0, 0.0, -PLATE_M / 2]
         box.contype = box.conaffinity = 0
         return
     if plate.look == "tissue":

@@ -170,10 +170,11 @@ def _rings(spec: mujoco.MjSpec, instrument: Instrument, hinges: int) -> mujoco.M
         parent, x = ring, pitch
     tip = parent.add_body(name="tip", pos=_tidy([pitch / 2, 0.0, 0.0]))
     length = instrument.rigid_tip_m
+    end = length - 0.001
     tip.add_geom(
         spec.find_default("ring"),
         size=[radius, 0.0, 0.0],
-        fromto=_tidy([0.4 * pitch, 0.0, 0.0, length - 0.001, 0.0, 0.0]),
+        fromto=_tidy([min(0.4 * pitch, end / 2), 0.0, 0.0, end, 0.0, 0.0]),
         mass=instrument.tip_mass_kg,
         rgba=[0.35, 0.37, 0.4, 1.0],
     )

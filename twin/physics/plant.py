@@ -13,7 +13,9 @@ from endolock.hw.frozen import read_only
 from endolock.twin.camera import stage
 from endolock.twin.model import scene, wire_springs
 from endolock.twin.physics import wire_friction
+from endolock.twin.physics.stability import Stability
 from endolock.twin.world.instrument import WIRES, Instrument, Numerics
+from endolock.twin.world.joint_conditions import WALL_BEHIND_M, check_shaft
 from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 
@@ -21,12 +23,6 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes, for scenarios that have it [m/s2]."""
 
 _CROSS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-
-_UNSTABLE = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 class Snapshot(NamedTuple):
@@ -48,11 +44,15 @@ class TwinPlant:
         instrument: parameters of the section.
         numerics: resolution of the simulation.
         seed: seed of the random motions.
+
+    Raises:
+        ConfigError: the instrument cannot be with a shaft bent like this, or MuJoCo refuses it.
     """
 
     def __init__(
         self, scenario: Scenario, instrument: Instrument, numerics: Numerics, seed: int
     ) -> None:
+        check_shaft(scenario, instrument)
         self.instrument = instrument
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
@@ -62,9 +62,9 @@ class TwinPlant:
         if scenario.gravity:
             spec.option.gravity = GRAVITY
         self._origin = scene.camera_at_rest(instrument)
-        behind = self._distance_m + scene.WALL_DISTANCE_M
+        behind = self._distance_m + WALL_BEHIND_M
         spec.body("wall").pos[0] = self._origin[0] + behind
-        self.model: mujoco.MjModel = spec.compile()
+        self.model: mujoco.MjModel = _compiled(spec)
         self.data = mujoco.MjData(self.model)
         model = self.model
         self._tip, self._base = model.body("tip").id, model.body("base").id
@@ -74,6 +74,7 @@ class TwinPlant:
         self._turning = int(model.body("base").mocapid[0])
         self._moving = stage.movable(model)
         self._wires = wire_friction.WireFriction(model, self.data, instrument)
+        self._stability = Stability(model, self.data, instrument)
         self._refresh_steps = round(wire_friction.REFRESH_S / model.opt.timestep)
 
         mujoco.mj_resetDataKeyframe(model, self.data, model.key("home").id)
@@ -95,19 +96,19 @@ class TwinPlant:
         return self.step_count * self.timestep_s
 
     def advance(self, step: int) -> None:
-        """Step the physics up to a grid point, updating the wire friction every 10 ms."""
+        """Step the physics up to a grid point, updating the wire friction every 10 ms.
+
+        Raises:
+            ConfigError: the simulation has diverged.
+        """
         while self.step_count < step:
             phase = self.step_count % self._refresh_steps
             n = min(step - self.step_count, self._refresh_steps - phase)
             mujoco.mj_step(self.model, self.data, n)
             self.step_count += n
+            self._stability.check(self.t)
             if self.step_count % self._refresh_steps == 0:
                 self.refresh()
-        if any(self.data.warning[kind].number for kind in _UNSTABLE):
-            raise ConfigError(
-                f"the simulation became unstable before t = {self.t:.3f} s",
-                "use softer or heavier parts, or a smaller timestep",
-            )
 
     def refresh(self) -> None:
         """Update shaft, tip force and wire friction from time and state, as every 10 ms."""
@@ -139,7 +140,7 @@ class TwinPlant:
             for t in (self.t, self.t + step)
         )
         speeds = np.vstack([(soon - now) / step, np.zeros(3)]) @ scene.WORLD_FROM_BASE.T
-        middles = np.vstack([now, (0.0, 0.0, self._distance_m + scene.WALL_DISTANCE_M)])
+        middles = np.vstack([now, (0.0, 0.0, self._distance_m + WALL_BEHIND_M)])
         around = self._distance_m / 2 * _CROSS
         points = self._origin + (middles[:, None] + around) @ scene.WORLD_FROM_BASE.T
         rays = points - data.cam_xpos[self._camera]
@@ -211,6 +212,21 @@ class TwinPlant:
         camera = backbone[-1] + self.instrument.rigid_tip_m * tip[:, 0]
         points: Vector = (np.vstack([backbone, camera]) - self._origin) @ scene.WORLD_FROM_BASE
         return points
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a model.
+
+    Raises:
+        ConfigError: MuJoCo refuses it.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        raise ConfigError(
+            f"no model can be built from these values ({said})", "use values nearer to the defaults"
+        ) from None
 
 
 def _in_camera_axes(body: Vector) -> Vector:

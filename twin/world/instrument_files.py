@@ -12,13 +12,11 @@ from dataclasses import asdict
 from pathlib import Path
 from textwrap import wrap
 
-from pydantic import TypeAdapter, ValidationError
-
 from endolock.hw import files
 from endolock.hw.api import ConfigError
+from endolock.hw.errors import did_you_mean
 from endolock.twin.world.instrument import Instrument
 
-_ADAPTER = TypeAdapter(Instrument)
 FOLDER = "instruments"
 
 
@@ -41,14 +39,17 @@ def load(source: str | Path | Instrument) -> Instrument:
     if isinstance(source, Instrument):
         return source
     values, name = files.read("instrument", FOLDER, str(source))
+    known = list(meanings())
+    for key in values:
+        if key not in known:
+            hint = did_you_mean(key, known).removeprefix("; ")
+            raise ConfigError(
+                f"instrument {name}: unknown key {key}", hint or f"known are {', '.join(known)}"
+            )
     try:
-        return _ADAPTER.validate_python(values)
-    except ValidationError as error:
-        impossible = error.errors()[0].get("ctx", {}).get("error")
-        if isinstance(impossible, ConfigError):
-            raise ConfigError(f"{impossible.what}, in {source}", impossible.next_step) from None
-        what, next_step = files.first_problem(error, lambda _section: list(meanings()))
-        raise ConfigError(f"instrument {name}: {what}", next_step) from None
+        return Instrument(**values)
+    except ConfigError as error:
+        raise ConfigError(f"{error.what}, in {source}", error.next_step) from None
 
 
 def dump(instrument: Instrument, header: str) -> str:

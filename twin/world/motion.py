@@ -9,13 +9,19 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from endolock.hw.files import Section
+from endolock.hw.api import ConfigError
+from endolock.hw.strict import Strict, bounded
 
 Offset = tuple[float, float]
 """Displacement of the board (right, down) [m]."""
 
-_Travel = Annotated[float, Field(ge=0, le=10)]
-_Period = Annotated[float, Field(ge=0.01, le=1e9)]
+Angle = Annotated[float, bounded(-360, 360, "deg")]
+_Travel = Annotated[float, bounded(0, 2, "m", hint="give metres")]
+_Period = Annotated[float, bounded(0.02, 1e9, "s", hint="give seconds")]
+_Time = Annotated[float, bounded(0, 86400, "s", hint="give seconds, up to a day")]
+_Span = Annotated[float, bounded(0.001, 86400, "s", hint="give seconds, up to a day")]
+FARTHEST_RMS_M = 1.0
+"""Largest rms displacement of a random motion [m]. Assumed: as far as boards are away."""
 
 
 def along(length: float, direction_deg: float) -> Offset:
@@ -24,12 +30,12 @@ def along(length: float, direction_deg: float) -> Offset:
     return length * cos(angle), -length * sin(angle)
 
 
-class Event(Section):
+class Event(Strict):
     """A change that happens once, at a constant rate."""
 
-    start_s: float = Field(ge=0, le=86400)
+    start_s: _Time
     """Start [s]."""
-    over_s: float = Field(ge=0.001, le=86400)
+    over_s: _Span
     """Duration [s]."""
 
     def done(self, t: float) -> float:
@@ -37,11 +43,11 @@ class Event(Section):
         return min(max((t - self.start_s) / self.over_s, 0.0), 1.0)
 
 
-class Strokes(Section):
+class Strokes(Strict):
     """One-sided strokes along a line, s = travel/2 (1 - cos(2 pi t / period))."""
 
     kind: Literal["strokes"]
-    direction_deg: float = 0.0
+    direction_deg: Angle = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
     """Longest distance from the start [m]."""
@@ -54,7 +60,7 @@ class Strokes(Section):
         return along(s, self.direction_deg)
 
 
-class Triangle(Section):
+class Triangle(Strict):
     """One-sided strokes along a line at constant speed 2 travel / (period - turn).
 
     Each reversal takes `turn_s`, at constant acceleration; the motion starts at rest, halfway
@@ -62,20 +68,21 @@ class Triangle(Section):
     """
 
     kind: Literal["triangle"]
-    direction_deg: float = 0.0
+    direction_deg: Angle = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
     """Longest distance from the start [m]."""
     period_s: _Period
     """Time of one stroke out and back [s]."""
-    turn_s: float = Field(default=0.3, ge=0.001)
+    turn_s: _Span = 0.3
     """Duration of a reversal from full speed to full speed [s], at most half a period. Assumed."""
 
     @model_validator(mode="after")
     def _turns_fit(self) -> Self:
         if self.turn_s > self.period_s / 2:
-            raise ValueError(
-                f"turn_s {self.turn_s:g} is more than half of period_s {self.period_s:g}; use less"
+            raise ConfigError(
+                f"turn_s {self.turn_s:g} is more than half of period_s {self.period_s:g}",
+                "use less",
             )
         return self
 
@@ -90,7 +97,7 @@ class Triangle(Section):
         return along(s if rest == since else self.travel_m - s, self.direction_deg)
 
 
-class Circle(Section):
+class Circle(Strict):
     """A circle around the optical axis at rest, clockwise in the picture, starting on the right."""
 
     kind: Literal["circle"]
@@ -105,15 +112,15 @@ class Circle(Section):
         return self.radius_m * cos(phase), self.radius_m * sin(phase)
 
 
-class Sine(Section):
+class Sine(Strict):
     """Two-sided motion along a line, s = travel/2 sin(2 pi frequency t)."""
 
     kind: Literal["sine"]
-    direction_deg: float = 0.0
+    direction_deg: Angle = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
     """Travel from peak to peak [m]."""
-    frequency_hz: float = Field(ge=0, le=100)
+    frequency_hz: Annotated[float, bounded(0, 50, "Hz")]
     """Frequency [Hz]."""
 
     def offset(self, t: float) -> Offset:
@@ -125,7 +132,7 @@ class Jump(Event):
     """A move to another position at constant speed; the board stays there."""
 
     kind: Literal["jump"]
-    direction_deg: float = 0.0
+    direction_deg: Angle = 0.0
     """In the picture: 0 right, 90 up [deg]."""
     travel_m: _Travel
     """Distance [m]."""
@@ -135,7 +142,7 @@ class Jump(Event):
         return along(self.travel_m * self.done(t), self.direction_deg)
 
 
-class Random(Section):
+class Random(Strict):
     """White noise through a second-order low-pass, x'' + 2 zeta w x' + w^2 x = noise, per axis.
 
     With zeta = 1/sqrt(2) the spectrum of the position is flat up to the cutoff w = 2 pi f and falls
@@ -143,10 +150,25 @@ class Random(Section):
     """
 
     kind: Literal["random"]
-    speed_rms_m_s: float = Field(default=0.03, ge=0, le=10)
+    speed_rms_m_s: Annotated[float, bounded(0, 2, "m/s", hint="give metres per second")] = 0.03
     """Root mean square of the speed along each axis [m/s]. Assumed."""
-    cutoff_hz: float = Field(default=0.3, ge=0.001, le=20)
+    cutoff_hz: Annotated[float, bounded(0.001, 20, "Hz")] = 0.3
     """Corner frequency of the low-pass [Hz]. Assumed; so is its damping of 1/sqrt(2)."""
+
+    @property
+    def rms_position_m(self) -> float:
+        """Root mean square of the displacement along each axis [m]."""
+        return self.speed_rms_m_s / (2 * pi * self.cutoff_hz)
+
+    @model_validator(mode="after")
+    def _stays_near(self) -> Self:
+        if self.rms_position_m > FARTHEST_RMS_M:
+            raise ConfigError(
+                f"speed_rms_m_s {self.speed_rms_m_s:g} and cutoff_hz {self.cutoff_hz:g} move the "
+                f"board by {self.rms_position_m:g} m rms, wanted 0 to {FARTHEST_RMS_M:g} m",
+                "use a lower speed or a higher cutoff",
+            )
+        return self
 
     def path(self, generator: np.random.Generator) -> RandomPath:
         """Draw one realisation of the motion."""
@@ -180,7 +202,7 @@ class RandomPath:
             [[cos(a) + sin(a), sqrt(2) * sin(a)], [-sqrt(2) * sin(a), cos(a) - sin(a)]]
         )
         self._noise = np.linalg.cholesky(np.eye(2) - self._phi @ self._phi.T)
-        rms_position = random.speed_rms_m_s / (2 * pi * random.cutoff_hz)
+        rms_position = random.rms_position_m
         self._scale = np.array([rms_position, rms_position * phase])
         self._state = generator.standard_normal((2, 2))  # axis; position, speed
         self._samples = array("d")  # right, speed, down, speed; speeds in metres per step
@@ -218,7 +240,7 @@ BoardMotion = Annotated[
     Strokes | Triangle | Circle | Sine | Jump | Random, Field(discriminator="kind")
 ]
 """Any kind of motion, distinguished by `kind`."""
-KINDS: dict[str, type[Section]] = {
+KINDS: dict[str, type[Strict]] = {
     "strokes": Strokes,
     "triangle": Triangle,
     "circle": Circle,

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ValidationError, model_validator
 
 from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.hw.files import Section
+from endolock.hw.strict import Strict, bounded, shown
+from endolock.twin.world import joint_conditions
 from endolock.twin.world.motion import KINDS, BoardMotion
 from endolock.twin.world.scenario_sections import (
     Board,
@@ -24,24 +25,46 @@ from endolock.twin.world.scenario_sections import (
     PoseTrackerSettings,
     Push,
     Shaft,
+    ShaftBend,
 )
 
 FOLDER = "scenarios"
 """Folder of the package's scenarios, below `models`."""
 
 
-class Scenario(Section):
+LONGEST_TEXT = 200
+"""Most characters of a name or a summary [1]."""
+
+
+def _line(text: str) -> str:
+    """Return a text that people can read on one line."""
+    if len(text) > LONGEST_TEXT or not text.isprintable():
+        raise ConfigError(
+            f"got {shown(text)}, wanted up to {LONGEST_TEXT} printable characters on one line",
+            "use another text",
+        )
+    return text
+
+
+def _name(text: str) -> str:
+    """Return a text that may be the name of a folder."""
+    if not text or "/" in text:
+        raise ConfigError(f"got {shown(text)}", "use a name that a folder may have")
+    return _line(text)
+
+
+class Scenario(Strict):
     """All that happens in a run; every value can be given in a TOML file of the same structure."""
 
-    name: str
+    name: Annotated[str, AfterValidator(_name)]
     """Name, from the file name."""
-    summary: str = ""
+    summary: Annotated[str, AfterValidator(_line)] = ""
     """One line that describes the scenario."""
-    duration_s: float = Field(default=25.0, gt=0, le=86400)
+    duration_s: Annotated[float, bounded(0.02, 86400, "s", hint="give seconds, up to a day")] = 25.0
     """Duration of the run [s]."""
-    scored_from_s: float = Field(default=0.0, ge=0)
+    scored_from_s: Annotated[float, bounded(0, 86400, "s", hint="give seconds")] = 0.0
     """Time from which the run is scored [s]."""
-    shaft_bend_deg: float = Field(default=180.0, ge=-1080, le=1080)
+    shaft_bend_deg: ShaftBend = 180.0
     """Bend of the shaft at the start, all in one plane [deg]. Assumed."""
     gravity: bool = False
     """Whether section and tip have weight, downwards in the picture at rest. Assumed: no."""
@@ -66,13 +89,8 @@ class Scenario(Section):
         return max(periods, default=0.0) or None
 
     @model_validator(mode="after")
-    def _board_is_behind(self) -> Self:
-        for n, occluder in enumerate(self.occluder):
-            if occluder.distance_m >= self.board.distance_m:
-                raise ValueError(
-                    f"occluder.{n}.distance_m: should be less than board.distance_m "
-                    f"{self.board.distance_m:g}, got {occluder.distance_m:g}"
-                )
+    def _can_be(self) -> Self:
+        joint_conditions.check(self)
         return self
 
 

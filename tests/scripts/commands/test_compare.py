@@ -34,7 +34,7 @@ def test_every_controller_runs_on_every_scenario_seed_and_latency(
     [
         (["--controllers", "pi", "pid"], "controller 'pid' is unknown; use ik, ik_sync, oracle"),
         (["--scenarios", "rest", "roast"], "scenario 'roast' is unknown; use breathing"),
-        (["--latencies", "0.1", "-0.1"], "camera.latency_s: should be greater than or equal to 0"),
+        (["--latencies", "0.1", "-0.1"], "camera.latency_s: got -0.1 s, wanted 0 to 5 s"),
         (["--seeds", "0"], "seeds 0; use 1 or more"),
         (
             ["--controllers", "pi", "pi"],
@@ -78,7 +78,7 @@ def test_a_dry_run_lists_the_source_of_each_value(
 
 def test_a_dry_run_checks_the_experiment(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["run", "straight", "--duration-s", "-1", "--dry-run"]) == 2
-    assert "duration_s: should be greater than 0" in capsys.readouterr().err
+    assert "duration_s: got -1 s, wanted 0.02 to 86400 s" in capsys.readouterr().err
 
 
 def test_a_dry_run_prints_the_configuration_of_the_run_folder(tmp_path: Path) -> None:

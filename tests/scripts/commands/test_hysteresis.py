@@ -72,10 +72,10 @@ def test_a_folder_holds_log_figures_and_picture(folder: Path) -> None:
         (["--axis", "roll"], "axis"),
         (["--other-axis-deg", "170"], "left_right bends to 1.. deg at most, not to 170; use a sm"),
         (["--other-axis-deg", "nan"], "--other-axis-deg nan; use a number of degrees, such as 60"),
-        (["--shaft-deg", "2000"], "shaft_bend_deg: should be less than or equal to 1080"),
+        (["--shaft-deg", "2000"], "shaft_bend_deg: got 2000 deg, wanted -1080 to 1080 deg"),
         (["--instrument", "oboe"], "instrument 'oboe' is unknown"),
         (["--rig", "car"], "rig 'car' is unknown; use twin"),
-        (["--noise-deg", "-1"], "tracker.rotation_noise_deg: should be greater than or equal to 0"),
+        (["--noise-deg", "-1"], "tracker.rotation_noise_deg: got -1 deg, wanted 0 to 30 deg"),
     ],
 )
 def test_bad_input_gives_one_line_and_leaves_nothing(

@@ -61,7 +61,7 @@ def test_a_list_given_by_key_replaces() -> None:
         ("instrument.pulley=1", "no pulley; did you mean instrument.pulley_radius_m"),
         ("instrument.slack_m=tight", "'tight' is not a number; give one in SI units"),
         ("instrument.bending_stiffness=-1", "bending_stiffness"),
-        ("duration_s=0", "duration_s: should be greater than 0"),
+        ("duration_s=0", "duration_s: got 0 s, wanted 0.02 to 86400 s"),
         ("=3", "unknown key"),
     ],
 )

@@ -111,12 +111,28 @@ def test_lines_of_the_files_are_not_too_long() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"conduit_friction": -0.1}, "instrument: conduit_friction is -0.1; use zero or more"),
-        ({"wire_stiffness": 0.0}, "instrument: wire_stiffness is 0; use more than zero"),
-        ({"tip_mass_kg": float("nan")}, "instrument: tip_mass_kg is nan; use a finite number"),
-        ({"slack_m": float("inf")}, "instrument: slack_m is inf; use a finite number"),
-        ({"misalignment_rad": 10.0}, "misalignment_rad is 10; use -pi to pi, in radians"),
-        ({"damping_time_s": 0.02}, "instrument: damping_time_s 0.02 would delay the tip"),
+        ({"conduit_friction": -0.1}, "instrument: conduit_friction: got -0.1, wanted 0 to 2; give"),
+        ({"wire_stiffness": 0.0}, "wire_stiffness: got 0 N/m, wanted 1 to 5000000 N/m; give a"),
+        ({"wire_stiffness": 1e12}, "got 1e.12 N/m, wanted 1 to 5000000 N/m"),
+        ({"tip_mass_kg": float("nan")}, "tip_mass_kg: should be a finite number, got nan"),
+        (
+            {"tip_mass_kg": 1e6},
+            "tip_mass_kg: got 1000000 kg, wanted 1e-06 to 0.5 kg; give .* in kg",
+        ),
+        ({"slack_m": float("inf")}, "slack_m: should be a finite number, got inf"),
+        ({"slack_m": -1e9}, "slack_m: got -1000000000 m, wanted -0.05 to 0.05 m"),
+        ({"bending_length_m": 75}, "bending_length_m: got 75 m, wanted 0.005 to 0.5 m"),
+        ({"bending_length_m": True}, "bending_length_m: should be a valid number, got true"),
+        ({"handle_kp": 1e9}, "handle_kp: got 1000000000 N m/rad, wanted 0.01 to 10000 N m/rad"),
+        ({"handle_kp": "20"}, "handle_kp: should be a valid number, got '20'"),
+        ({"misalignment_rad": 10.0}, "misalignment_rad: got 10 rad, wanted -3.14159"),
+        ({"damping_time_s": 0.02}, "damping_time_s: got 0.02 s, .*; a longer one would delay the"),
+        (
+            {"slack_m": -0.05, "wire_stiffness": 1e6},
+            "a pretension of 5e.04 N .*, wanted 0 to 2000 N",
+        ),
+        ({"conduit_friction": 2.0, "residual_wrap_rad": 20.0}, "the wrap angle is 40 with"),
+        ({"speed_step_rad_s": 1e-5}, "handle_speed_rad_s 3.49 is more than 30000 steps of 1e-05"),
         ({"wire_radius_m": 0.005}, "wire_radius_m 0.005 does not fit into an outer diameter"),
     ],
 )
@@ -130,7 +146,9 @@ def test_impossible_instruments_are_refused(change: dict[str, float], message: s
     [
         (11, 0.002, "11 hinges; use an even number"),
         (12, 0.003, "timestep 0.003 s; use 0.010 s divided by a whole number"),
-        (12, 0.0, "timestep 0 s"),
+        (12, 0.0, "timestep_s: got 0 s, wanted 1e-05 to 0.01 s; use 0.010 s divided by a whole"),
+        (0, 0.002, "hinges: got 0, wanted 2 to 100"),
+        (12.0, 0.002, "hinges: should be a valid integer, got 12.0"),
     ],
 )
 def test_impossible_numerics_are_refused(hinges: int, timestep_s: float, message: str) -> None:
@@ -140,5 +158,5 @@ def test_impossible_numerics_are_refused(hinges: int, timestep_s: float, message
 
 @pytest.mark.parametrize("nodes", [0, 9])
 def test_an_impossible_number_of_nodes_is_refused(nodes: int) -> None:
-    with pytest.raises(ConfigError, match=f"{nodes} friction nodes per wire; use 1 to 8"):
+    with pytest.raises(ConfigError, match=f"numerics: nodes: got {nodes}, wanted 1 to 8"):
         Numerics(nodes=nodes)

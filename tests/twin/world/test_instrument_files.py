@@ -24,10 +24,11 @@ def test_the_two_regions_end_where_the_default_is() -> None:
     assert two.slack_at(-3.141592653589793) == pytest.approx(Instrument().slack_m, rel=1e-9)
 
 
-@given(slack_m=st.floats(-0.01, 0.01), stiffness=st.floats(1.0, 1e6))
+@given(pull_n=st.floats(-50.0, 2000.0), stiffness=st.floats(1.0, 5e6))
 def test_an_instrument_is_unchanged_by_writing_and_reading(
-    tmp_path_factory: pytest.TempPathFactory, slack_m: float, stiffness: float
+    tmp_path_factory: pytest.TempPathFactory, pull_n: float, stiffness: float
 ) -> None:
+    slack_m = min(max(-0.99 * pull_n / stiffness, -0.05), 0.05)
     instrument = Instrument(slack_m=slack_m, wire_stiffness=stiffness)
     file = tmp_path_factory.mktemp("instrument") / "mine.toml"
     file.write_text(instrument_files.dump(instrument, "Mine.\n\nAll of it."), encoding="utf-8")
@@ -51,10 +52,17 @@ def test_a_written_file_explains_every_value() -> None:
             "conduit_frction = 1",
             "instrument mine: unknown key conduit_frction; did you mean cond",
         ),
-        ("conduit_friction = -1", "conduit_friction is -1, in .*mine.toml; use zero or more"),
-        ("wire_stiffness = 0", "wire_stiffness is 0, in .*mine.toml; use more than zero"),
-        ("wire_stiffness = 'much'", "instrument mine: wire_stiffness: should be a valid number"),
-        ("slack_m = nan", "slack_m is nan, in .*mine.toml; use a finite number"),
+        (
+            "conduit_friction = -1",
+            "instrument: conduit_friction: got -1, wanted 0 to 2, in .*mine.toml; give a number",
+        ),
+        ("wire_stiffness = 0", "got 0 N/m, wanted 1 to 5000000 N/m, in .*mine.toml; give"),
+        ("wire_stiffness = 'much'", "wire_stiffness: should be a valid number, got 'much', in"),
+        ("wire_stiffness = true", "wire_stiffness: should be a valid number, got true, in"),
+        ("slack_m = nan", "slack_m: should be a finite number, got nan, in .*mine.toml"),
+        ("bending_length_m = 75", "bending_length_m: got 75 m, wanted 0.005 to 0.5 m, in"),
+        ("calibration = 3", "unknown key calibration; known are bending_length_m"),
+        ("[slack_m]\nx = 1", "slack_m: should be a valid number, got {'x': 1}"),
         ("slack_m =", "instrument .*mine.toml is not TOML"),
     ],
 )
@@ -71,7 +79,7 @@ def test_what_is_wrong_and_what_to_do_stay_apart(tmp_path: Path) -> None:
     file.write_text("wire_stiffness = 0")
     with pytest.raises(ConfigError) as caught:
         instrument_files.load(file)
-    assert caught.value.next_step == "use more than zero"
+    assert caught.value.next_step == "give a number in this range, in N/m"
 
 
 def test_an_unknown_name_is_refused() -> None:
