@@ -60,6 +60,8 @@ class Setting:
     signed: bool = False
     unit: str = ""
     """Of its value, for people."""
+    show: Callable[[int, Units], str] = lambda value, _: str(value)
+    """Says a value to people."""
     fits: Callable[[int, int], bool] = eq
     """Whether a value is as good as the one wanted."""
     since: int = 0
@@ -81,13 +83,11 @@ class Setting:
 
     def problem(self, value: int, wish: Wish) -> str:
         """Say what is wrong with a value, after "motor ... has a"."""
-        text = f"{self.name} of {value}" + (f" {self.unit}" if self.unit else "")
-        if self.register is reg.CURRENT_LIMIT and wish.handle.current_limit_a is not None:
-            has_a = value * wish.units.current_a
-            return (
-                f"{text} ({has_a:.3g} A), below the current_limit_a of its handle, "
-                f"{wish.handle.current_limit_a:g} A"
-            )
+        unit = f" {self.unit}" if self.unit else ""
+        text = f"{self.name} of {self.show(value, wish.units)}{unit}"
+        limit_a = wish.handle.current_limit_a
+        if self.register is reg.CURRENT_LIMIT and limit_a is not None:
+            return f"{text}, below the current_limit_a of its handle, {limit_a:g} A"
         if self.refusal:
             return f"{text}, {self.refusal}"
         return f"{text}, not {self.wanted(wish)}: {self.why}"
@@ -132,6 +132,7 @@ CURRENT_LIMIT = Setting(
     wanted=_current,
     policy=Policy.REFUSE,
     why="the motor does not accept the current_limit_a of its handle",
+    show=lambda value, units: f"{value} ({value * units.current_a:.3g} A)",
     cure="use a smaller current_limit_a, or raise the motor's with the maker's DYNAMIXEL Wizard",
     fits=ge,
 )
@@ -143,6 +144,7 @@ SETTINGS: tuple[Setting, ...] = (
         register=reg.RETURN_DELAY,
         wanted=_always(0),
         why="every answer is delayed by this time",
+        show=lambda value, _: f"{value} ({2 * value} us)" if value else "0",
         doctor=True,
     ),
     Setting(

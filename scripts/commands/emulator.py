@@ -78,8 +78,8 @@ def main(request: Request) -> int:
         with HilServer(setup) as server:
             camera = f", camera at {server.stream.address}" if server.stream else ""
             Console(highlight=False).print(
-                f"two servos, ids 1 and 2, at {request.baud} baud on {server.line.path}{camera}; "
-                "Ctrl-C ends",
+                f"ready: two servos, ids 1 and 2, at {request.baud} baud on "
+                f"{server.line.path}{camera}; Ctrl-C ends",
                 soft_wrap=True,
                 markup=False,
             )

@@ -57,8 +57,8 @@ class Request:
     every baud rate; they neither move nor change. Without it no port is opened."""
     set_up: bool = False
     """With --port: set the two motors on it up, and write bench.toml here. They relax and restart;
-    return delay and homing offset become 0, the baud rate 1000000, and the present positions their
-    zeros: straighten the endoscope first."""
+    what the rows below name gets its usual value, the baud rate becomes 1000000, and the present
+    positions their zeros: straighten the endoscope first."""
     json: Annotated[tyro.conf.DisallowNone[str | None], tyro.conf.arg(metavar="FILE")] = None
     """Write the findings to this file as JSON; - prints only them on standard output."""
 

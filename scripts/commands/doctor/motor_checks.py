@@ -6,17 +6,21 @@ import shlex
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 from endolock.hw.api import ConfigError, EndolockError, LinkLost, PortBusy, PortGone
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import models
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Instruction, Parser, encode
 from endolock.hw.dynamixel.port import DEFAULT_BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
+from endolock.hw.dynamixel.settings import SETTINGS, STATUS_LEVEL
+from endolock.scripts.commands.doctor import setting_checks
 from endolock.scripts.commands.doctor.finding import Finding
+from endolock.scripts.commands.doctor.found_motor import FoundMotor
 
 SEARCHES_S = (0.15, 0.8)
 """Wait for answers at each baud rate [s]: the second one where the first found fewer than two
@@ -24,41 +28,8 @@ motors. They answer in turn, 3 ms for each id: enough for ids up to 40, and for 
 3 ms: time-out of the maker's library."""
 ANSWER_S = 0.1
 """Time-out of one motor's answer [s]: 30 ms at 9600 baud, 16 ms in an adapter, and some more."""
-MODELS = {
-    **{1000: "XH430-W350", 1010: "XH430-W210", 1020: "XM430-W350", 1030: "XM430-W210"},
-    **{1040: "XH430-V350", 1050: "XH430-V210"},
-    **{1100: "XH540-W270", 1110: "XH540-W150"},
-    **{1120: "XM540-W270", 1130: "XM540-W150", 1140: "XH540-V270", 1150: "XH540-V150"},
-    **{1170: "XW540-T260", 1180: "XW540-T140", 1270: "XW430-T333"},
-    **{1280: "XW430-T200", 1001: "XD430-T350", 1011: "XD430-T210", 1101: "XD540-T270"},
-    **{1111: "XD540-T150"},
-}
-"""Names by model number: the X series of the sizes 430 and 540 that measure their current, which
-XL430 and XC430 do not. Those of the size 330 have their indirect data elsewhere. Source:
-e-Manual."""
-
 Report = Callable[[str], None]
 """Called with the present step."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundMotor:
-    """Registers read from one motor."""
-
-    id: int
-    model: int
-    firmware: int
-    baud: int
-    return_delay: int
-    homing_offset: int
-    hardware_error: int
-    watchdog: int
-    torque: int
-
-    @property
-    def name(self) -> str:
-        """Name of its model."""
-        return MODELS.get(self.model, f"model {self.model}")
 
 
 def refused(name: str, error: EndolockError, advice: str = "") -> Finding:
@@ -107,16 +78,24 @@ def read(line: Port, device: int, baud: int) -> FoundMotor:
     line.set_baud(baud)
     bus = Bus(line, WallClock(), {}, ANSWER_S)
     model, firmware = bus.ping(device)
-    return FoundMotor(
-        id=device,
-        model=model,
-        firmware=firmware,
-        baud=baud,
-        return_delay=bus.read(device, reg.RETURN_DELAY) % 256,  # read as a signed number
-        homing_offset=bus.read(device, reg.HOMING_OFFSET),
+    found = FoundMotor(id=device, model=model, firmware=firmware, baud=baud)
+    if found.known is None:
+        return found
+    try:
+        values = {
+            setting.name: setting.value(bus.read(device, setting.register))
+            for setting in SETTINGS
+            if firmware >= setting.since
+        }
+    except LinkLost:
+        bus.ping(device)  # one that answers to this has a low status return level
+        return found
+    return replace(
+        found,
         hardware_error=bus.read(device, reg.HARDWARE_ERROR),
         watchdog=bus.read(device, reg.WATCHDOG),
         torque=bus.read(device, reg.TORQUE_ENABLE),
+        settings=values,
     )
 
 
@@ -130,12 +109,8 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
         )
         return [Finding("motors", False, text, advice)]
     listed = [f"{m.id} ({m.name}, firmware {m.firmware}, {m.baud} baud)" for m in motors]
-    advice = ""
-    if strange := [m.name for m in motors if m.model not in MODELS]:
-        advice = (
-            f"registers of {', '.join(strange)} may lie elsewhere; use X series of the size 430 or "
-            "540, such as XM430-W350"
-        )
+    strange = [models.described(m.model) for m in motors if m.known is None]
+    advice = f"{', '.join(strange)}; {models.FIT}" if strange else ""
     away = "move bench.toml away, " if bench_file.DEFAULT_FILE.exists() else ""
     cure = (
         f"{away}straighten the endoscope, then endolock doctor --port {shlex.quote(path)} --set-up"
@@ -146,6 +121,8 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
         values = ", ".join(f"{m.id}: {check.value(m)}" for m in motors)
         advice = check.advice.replace("SET-UP", cure) if bad else ""
         rows.append(Finding(check.name, not bad, values, advice))
+        if check is CHECKS[AFTER]:
+            rows += setting_checks.judge(motors, cure)
     return [*rows, _bench(motors, cure)]
 
 
@@ -166,6 +143,12 @@ def _errors(motor: FoundMotor) -> str:
         if motor.hardware_error & bit
     ]
     return ", ".join(latched) or (hex(motor.hardware_error) if motor.hardware_error else "none")
+
+
+def _level(motor: FoundMotor) -> str:
+    if motor.mute:
+        return "0 (it answers to pings only)"
+    return str(motor.settings.get(STATUS_LEVEL.name, "unknown"))
 
 
 def _watchdog(motor: FoundMotor) -> str:
@@ -189,16 +172,11 @@ CHECKS = (
         "this is slow, the factory setting of 57600 gives 55 cycles/s: SET-UP",
     ),
     MotorCheck(
-        "return delay",
-        lambda m: f"{m.return_delay} ({2 * m.return_delay} us)" if m.return_delay else "0",
-        lambda m: m.return_delay != 0,
-        "every answer is delayed by this time: SET-UP",
-    ),
-    MotorCheck(
-        "homing offset",
-        lambda m: str(m.homing_offset),
-        lambda m: m.homing_offset != 0,
-        "with an offset a motor creeps after its watchdog has stopped it: SET-UP",
+        "status return level",
+        _level,
+        lambda m: m.mute or m.settings.get(STATUS_LEVEL.name, 2) != 2,
+        "another program left it, and the motor does not answer to everything; the next program to "
+        "connect sets it to 2, as does switching the supply off and on: then run this again",
     ),
     MotorCheck(
         "hardware error",
@@ -222,6 +200,8 @@ CHECKS = (
     ),
 )
 """In the order of the rows."""
+AFTER = 2
+"""Index of the check after which the settings come."""
 
 
 def _bench(motors: Sequence[FoundMotor], cure: str) -> Finding:

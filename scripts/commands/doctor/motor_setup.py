@@ -11,30 +11,21 @@ from endolock.hw.api import AXES, ConfigError, EndolockError, LinkError, LinkLos
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench, Handles
 from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.dynamixel import models
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.port import DEFAULT_BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_setup import RESTART_S
+from endolock.hw.dynamixel.settings import SETTINGS, Wish
 from endolock.scripts.commands.doctor.finding import Finding
-from endolock.scripts.commands.doctor.motor_checks import (
-    ANSWER_S,
-    MODELS,
-    FoundMotor,
-    refused,
-)
+from endolock.scripts.commands.doctor.found_motor import FoundMotor
+from endolock.scripts.commands.doctor.motor_checks import ANSWER_S, refused
 
 WARNING = (
     "set-up: the motors relax and restart, and their present positions become their zeros: the "
     "endoscope must be straight now; Ctrl-C if it is not"
 )
-
-SETTINGS = {
-    "return delay": reg.RETURN_DELAY,
-    "drive mode": reg.DRIVE_MODE,
-    "homing offset": reg.HOMING_OFFSET,
-}
-"""Registers set to 0: delay of answers, direction of the motor, offset of its positions."""
 
 
 def check() -> None:
@@ -72,6 +63,7 @@ def set_up(line: Port, motors: Sequence[FoundMotor]) -> Finding:
         bus = Bus(line, WallClock(), {}, ANSWER_S)
         for motor in motors:  # off first, both of them
             line.set_baud(motor.baud)
+            bus.write(motor.id, reg.STATUS_LEVEL, 2)
             bus.write(motor.id, reg.WATCHDOG, 0)
             bus.write(motor.id, reg.TORQUE_ENABLE, 0)
         done = [f"{motor.id}: {', '.join(_write(bus, motor)) or 'kept'}" for motor in motors]
@@ -106,23 +98,28 @@ def _accept(motors: Sequence[FoundMotor]) -> None:
             "connect only those two, check that both answer, then run this again",
         )
     for motor in motors:
-        if motor.model not in MODELS:
+        if motor.known is None:
             raise ConfigError(
-                f"motor {motor.id} is a {motor.name}, whose registers are not known here, so "
-                "nothing was set up",
-                "use X series of the size 430 or 540, such as XM430-W350",
+                f"motor {motor.id} is not usable, so nothing was set up: "
+                f"{models.described(motor.model)}",
+                models.FIT,
             )
 
 
 def _write(bus: Bus, motor: FoundMotor) -> list[str]:
     """Write the settings that differ to a motor without torque; return the changes."""
     bus.port.set_baud(motor.baud)
+    assert motor.known is not None  # see `_accept`
+    wish = Wish(handle=Handle(id=motor.id), model=motor.known, units=motor.known.units)
     changes = []
-    for name, register in SETTINGS.items():
-        has = bus.read(motor.id, register)
-        if has:
-            bus.write(motor.id, register, 0)
-            changes.append(f"{name} {has % 256 if register.size == 1 else has} -> 0")
+    for setting in SETTINGS:
+        wanted = setting.wanted(wish)
+        if not setting.doctor or wanted is None or motor.firmware < setting.since:
+            continue
+        value = setting.value(bus.read(motor.id, setting.register))
+        if setting.differs(value, wish):
+            bus.write(motor.id, setting.register, setting.register.encode(wanted))
+            changes.append(f"{setting.name} {value} -> {wanted}")
     if motor.baud != DEFAULT_BAUD:
         with suppress(LinkLost):  # it may answer at the new rate already
             bus.write(motor.id, reg.BAUD, reg.BAUDS.index(DEFAULT_BAUD))

@@ -11,19 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from endolock.hw.api import EndolockError
+from endolock.hw.api import EndolockError, PortGone
+from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel.port import BY_ID, DEFAULT_BAUD, Port, serial_port
 from endolock.scripts.commands.doctor import motor_checks
 from endolock.scripts.commands.doctor.finding import Finding
-from endolock.scripts.commands.doctor.motor_checks import (
-    SEARCHES_S,
-    FoundMotor,
-    Report,
-    refused,
-)
+from endolock.scripts.commands.doctor.found_motor import FoundMotor
+from endolock.scripts.commands.doctor.motor_checks import SEARCHES_S, Report, refused
 
 TIMER_MS = 1
 """Shortest time for which an FTDI adapter buffers received bytes [ms]."""
+WAIT_S = 10.0
+"""A port that does not exist is waited for this long [s]: the emulator makes it when it is ready,
+4 s after its start on an idle machine."""
 OTHER_PORT = "see the row 'serial', or give a port that it lists"
 """What to do where a port cannot be opened."""
 UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"
@@ -91,6 +91,7 @@ def examine(
     change: Callable[[Port, list[FoundMotor]], Finding] | None = None,
     by_id: Path = BY_ID,
     searches_s: Sequence[float] = SEARCHES_S,
+    wait_s: float = WAIT_S,
 ) -> list[Finding]:
     """Open a port, find the motors on it, and judge both.
 
@@ -100,6 +101,7 @@ def examine(
         change: sets the motors up before they are judged.
         by_id: folder of persistent names.
         searches_s: see `SEARCHES_S`.
+        wait_s: see `WAIT_S`.
     """
     findings: list[Finding] = []
     line: Port | None = None
@@ -107,7 +109,7 @@ def examine(
     try:
         line = serial_port(path, DEFAULT_BAUD)
         advice = OTHER_PORT
-        line.open()
+        _open(line, report, wait_s)
         advice = ""
         findings.append(Finding("port", True, _opened(path, by_id)))
         motors = motor_checks.look(line, report, searches_s)
@@ -122,6 +124,20 @@ def examine(
         if line:
             line.close()
     return findings
+
+
+def _open(line: Port, report: Report, wait_s: float) -> None:
+    """Open a port as soon as it exists."""
+    clock = WallClock()
+    while True:
+        try:
+            line.open()
+            return
+        except PortGone:
+            if clock.now() >= wait_s:
+                raise
+        report(f"{line.name}, which is not there yet")
+        clock.sleep_until(clock.now() + 0.1)
 
 
 def _group(port: Path) -> str:

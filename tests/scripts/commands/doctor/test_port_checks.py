@@ -8,6 +8,8 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
+from typing import Any
 
 import pytest
 from tests.hw.served import Served, servo
@@ -16,11 +18,14 @@ from endolock.hw.api import ConfigError, Mode
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.wall_clock import WallClock
 from endolock.hw.dynamixel import registers as reg
+from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.models import XM430_W350
 from endolock.hw.dynamixel.packets import Instruction
 from endolock.hw.dynamixel.port import Port, serial_port
 from endolock.hw.dynamixel.registers import Units
 from endolock.hw.dynamixel.servo_bus import Bus
 from endolock.hw.dynamixel.servo_drive import ServoDrive
+from endolock.hw.dynamixel.settings import SETTINGS, Wish
 from endolock.hw.emulator.servo_model import Servo
 from endolock.hw.guard import Guard
 from endolock.scripts.commands.doctor import (
@@ -30,7 +35,7 @@ from endolock.scripts.commands.doctor import (
     port_checks,
 )
 from endolock.scripts.commands.doctor.finding import Finding
-from endolock.scripts.commands.doctor.motor_checks import FoundMotor
+from endolock.scripts.commands.doctor.found_motor import FoundMotor
 
 pytestmark = pytest.mark.wall_time
 
@@ -41,23 +46,28 @@ NAMES = [
     "motors",
     "firmware",
     "baud",
+    "status return level",
     "return delay",
+    "drive mode",
+    "secondary id",
     "homing offset",
+    "PWM limit",
+    "current limit",
+    "startup configuration",
+    "shutdown",
+    "settings",
     "hardware error",
     "watchdog",
     "torque",
     "bench",
 ]
+FREE = Wish(handle=Handle(id=1), model=XM430_W350, units=XM430_W350.units)
 GOOD = FoundMotor(
     id=1,
     model=1020,
     firmware=45,
     baud=1_000_000,
-    return_delay=0,
-    homing_offset=0,
-    hardware_error=0,
-    watchdog=0,
-    torque=0,
+    settings={setting.name: setting.wanted(FREE) or 0 for setting in SETTINGS},
 )
 
 
@@ -76,7 +86,9 @@ def examine(
     path: str, *, set_up: bool = False, searches_s: Sequence[float] = SHORT
 ) -> list[Finding]:
     change = motor_setup.set_up if set_up else None
-    return port_checks.examine(path, lambda _: None, change=change, searches_s=searches_s)
+    return port_checks.examine(
+        path, lambda _: None, change=change, searches_s=searches_s, wait_s=0.0
+    )
 
 
 def set_up(line: Port, *motors: FoundMotor) -> Finding:
@@ -164,7 +176,7 @@ def test_motors_with_factory_settings_fail_until_set_up(
             "1 (XM430-W350, firmware 45, 57600 baud), 2 (XM430-W350, firmware 45, 57600 baud)",
         )
         assert [row.name for row in findings[1:]] == NAMES
-        assert red(findings) == ["baud", "return delay", "homing offset", "bench"]
+        assert red(findings) == ["baud", "return delay", "drive mode", "homing offset", "bench"]
         cure = f"straighten the endoscope, then endolock doctor --port {served.path} --set-up"
         said = {row.name: (row.text, row.advice) for row in rows}
         assert said["baud"] == (
@@ -232,9 +244,9 @@ def test_looking_for_motors_only_reads() -> None:
         (
             "motors",
             {"model": 1200},
-            "1 (XM430-W350, firmware 45, 1000000 baud), 2 (model 1200, firmware 45, 1000000 baud)",
-            "registers of model 1200 may lie elsewhere; use X series of the size 430 or 540, such "
-            "as XM430-W350",
+            "1 (XM430-W350, firmware 45, 1000000 baud), 2 (XL330-M288, firmware 45, 1000000 baud)",
+            "XL330-M288: its indirect data are elsewhere, and its current is in 1 mA; use X series "
+            "of the size 430 or 540 that measure their current, such as XM430-W350",
         ),
         (
             "firmware",
@@ -265,13 +277,103 @@ def test_looking_for_motors_only_reads() -> None:
         ),
     ],
 )
-def test_each_problem_has_its_row(row: str, change: dict[str, int], text: str, advice: str) -> None:
-    changed = {"id": 2, **change}
-    motors = [GOOD, dataclasses.replace(GOOD, **changed)]
+def test_each_problem_has_its_row(row: str, change: dict[str, Any], text: str, advice: str) -> None:
+    motors = [GOOD, dataclasses.replace(dataclasses.replace(GOOD, id=2), **change)]
     findings = motor_checks.judge(motors, "PORT")
     assert [finding.name for finding in findings] == NAMES
     assert red(findings) == [row]
     assert next(f for f in findings if f.name == row) == Finding(row, False, text, advice)
+
+
+@pytest.mark.parametrize(
+    ("row", "value", "text"),
+    [
+        ("drive mode", 4, "1: 0, 2: 4"),
+        ("secondary id", 1, "1: 255, 2: 1"),
+        ("PWM limit", 400, "1: 885, 2: 400"),
+        ("startup configuration", 2, "1: 0, 2: 2"),
+        ("shutdown", 0, "1: 52, 2: 0"),
+    ],
+)
+def test_each_setting_that_others_left_has_its_row(row: str, value: int, text: str) -> None:
+    other = dataclasses.replace(GOOD, id=2, settings={**GOOD.settings, row: value})
+    findings = motor_checks.judge([GOOD, other], "PORT")
+    assert [finding.name for finding in findings] == NAMES
+    assert red(findings) == [row]
+    finding = next(f for f in findings if f.name == row)
+    assert finding.text == text
+    why = next(setting.why for setting in SETTINGS if setting.name == row)
+    assert finding.advice == (
+        f"{why}: straighten the endoscope, then endolock doctor --port PORT --set-up"
+    )
+
+
+def test_what_connecting_sets_is_told_and_is_no_problem() -> None:
+    left = {**GOOD.settings, "position P": 640, "goal PWM": 100}
+    findings = motor_checks.judge([GOOD, dataclasses.replace(GOOD, id=2, settings=left)], "PORT")
+    assert red(findings) == []
+    assert next(f.text for f in findings if f.name == "settings") == (
+        "set at connecting: 2: position P 640 -> 800, 2: goal PWM 100 -> 885"
+    )
+
+
+def test_a_current_limit_is_compared_with_that_of_the_bench_file() -> None:
+    bench_file.DEFAULT_FILE.write_text("[handle.left_right]\nid = 2\ncurrent_limit_a = 1.0\n")
+    left = {**GOOD.settings, "current limit": 371}
+    motors = [GOOD, dataclasses.replace(GOOD, id=2, settings=left)]
+    findings = {finding.name: finding for finding in motor_checks.judge(motors, "PORT")}
+    assert findings["current limit"] == Finding(
+        "current limit",
+        False,
+        "1: 0 (0 A), 2: 371 (0.998 A)",
+        "the motor does not accept the current_limit_a of its handle: use a smaller "
+        "current_limit_a, or raise the motor's with the maker's DYNAMIXEL Wizard",
+    )
+
+
+@pytest.mark.parametrize(
+    ("level", "text"), [(1, "1: 2, 2: 1"), (0, "1: 2, 2: 0 (it answers to pings only)")]
+)
+def test_a_status_level_left_by_others_is_named_and_the_set_up_heals_it(
+    level: int, text: str
+) -> None:
+    servos = servo(1), servo(2)
+    servos[1].write(reg.STATUS_LEVEL.address, bytes([level]))
+    with Served(*servos) as served:
+        findings = {finding.name: finding for finding in examine(served.path)}
+        assert findings["status return level"] == Finding(
+            "status return level",
+            False,
+            text,
+            "another program left it, and the motor does not answer to everything; the next "
+            "program to connect sets it to 2, as does switching the supply off and on: then run "
+            "this again",
+        )
+        assert servos[1].status_level == level  # looking changes nothing
+        assert red(examine(served.path, set_up=True)) == []
+
+
+def test_the_set_up_writes_all_that_the_rows_name() -> None:
+    servos = servo(1), servo(2)
+    for register, value in (
+        (reg.SECONDARY_ID, 1),
+        (reg.DRIVE_MODE, 13),
+        (reg.PWM_LIMIT, 100),
+        (reg.STARTUP, 3),
+        (reg.SHUTDOWN, 1),
+        (reg.HOMING_OFFSET, 77),
+    ):
+        servos[1].write(register.address, register.encode(value))
+    servos[1].reboot()
+    with Served(*servos) as served:
+        findings = examine(served.path, set_up=True)
+        assert red(findings) == []
+        assert findings[1].text == (
+            "1: return delay 250 -> 0; 2: return delay 250 -> 0, drive mode 13 -> 0, secondary id "
+            "1 -> 255, homing offset 77 -> 0, PWM limit 100 -> 885, startup configuration 3 -> 0, "
+            "shutdown 1 -> 52; up_down 1 with its zero at 2048; left_right 2 with its zero at "
+            f"{servos[1]._position()}; wrote bench.toml"
+        )
 
 
 def test_motors_that_are_not_those_of_the_bench_file() -> None:
@@ -391,6 +493,17 @@ def test_ports_that_cannot_be_opened_are_red_rows(tmp_path: Path) -> None:
     ]
 
 
+def test_a_port_that_is_made_a_moment_later_is_waited_for(tmp_path: Path) -> None:
+    with Served(servo(1), servo(2)) as served:
+        link = tmp_path / "servo"
+        later = Timer(0.5, link.symlink_to, [served.path])
+        later.start()
+        findings = port_checks.examine(str(link), lambda _: None, searches_s=SHORT, wait_s=60.0)
+        later.join()
+    assert findings[0] == Finding("port", True, f"{link} opened")
+    assert findings[1].text.startswith("1 (XM430-W350, ")
+
+
 def test_a_port_unplugged_during_the_search_is_a_red_row() -> None:
     with Served(servo(1)) as served:
         path = served.path
@@ -431,8 +544,9 @@ def test_a_motor_of_another_kind_is_not_set_up() -> None:
     assert set_up(CLOSED, GOOD, dataclasses.replace(GOOD, id=2, model=1200)) == Finding(
         "set-up",
         False,
-        "motor 2 is a model 1200, whose registers are not known here, so nothing was set up",
-        "use X series of the size 430 or 540, such as XM430-W350",
+        "motor 2 is not usable, so nothing was set up: XL330-M288: its indirect data are "
+        "elsewhere, and its current is in 1 mA",
+        "use X series of the size 430 or 540 that measure their current, such as XM430-W350",
     )
 
 
