@@ -19,12 +19,13 @@ class EndolockError(Exception):
     """Root of all errors that a user can meet.
 
     Args:
-        what: what was expected and what was found instead.
+        what: what was expected and what was found instead; or an error of another process, which
+            some libraries raise again in this way, such as Gymnasium's vector environments.
         next_step: what to do about it; empty where there is nothing to do.
     """
 
-    def __init__(self, what: str, next_step: str = "") -> None:
-        what, next_step = one_line(what), one_line(next_step)
+    def __init__(self, what: str | Exception, next_step: str = "") -> None:
+        what, next_step = one_line(str(what)), one_line(next_step)
         super().__init__(what, next_step)
         self.what = what
         self.next_step = next_step

@@ -79,6 +79,11 @@ def test_they_survive_pickling(error: EndolockError) -> None:
     assert again.__notes__[-1] == "and more"
 
 
+def test_an_error_made_from_an_error_says_the_same() -> None:
+    error = ConfigError("what", "next")
+    assert str(ConfigError(error)) == str(error) == str(pickle.loads(pickle.dumps(error)))
+
+
 def test_every_kind_of_error_survives_pickling() -> None:
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
     hardware = [kind for kind in kinds if issubclass(kind, HardwareError)]

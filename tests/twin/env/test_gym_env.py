@@ -97,7 +97,7 @@ def test_reset_takes_a_seed_and_no_options(gymnasium: Any) -> None:
     made.close()
 
 
-@pytest.mark.filterwarnings("ignore:.*Calling `close` while waiting")  # of Gymnasium, after errors
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of Gymnasium, which tells of errors so too
 def test_parallel_pictures_in_forked_processes_are_refused(gymnasium: Any) -> None:
     from endolock.twin.env.gym_env import PIXELS_ID
     from endolock.twin.rig import TwinRig
