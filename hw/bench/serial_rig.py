@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from endolock.hw import boards
+from endolock.hw.api import ConfigError
 from endolock.hw.bench import bench_file
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.bench.wall_clock import WallClock
+from endolock.hw.camera.absent_camera import AbsentCamera
 from endolock.hw.camera.video_camera import VideoCamera
 from endolock.hw.dynamixel.port import BITS, serial_port
 from endolock.hw.dynamixel.servo_bus import CYCLE_BYTES, TIMEOUT_S, Bus
@@ -22,7 +24,9 @@ from endolock.hw.lifecycle import ClosingRig, close_all
 class SerialRig(ClosingRig):
     """A bench; used like a `TwinRig`, but without ground truth.
 
-    Laboratory software, not a medical device; see docs/safety.md.
+    Handles can be driven without a camera: where it gives no picture, `camera` raises its
+    ConfigError when it is first needed. Laboratory software, not a medical device; see
+    docs/safety.md.
 
     Args:
         port: serial port; prefer one in /dev/serial/by-id, which stays the same across USB ports.
@@ -30,7 +34,7 @@ class SerialRig(ClosingRig):
         latency_s: latency of the video chain [s]; that of the bench if None.
 
     Raises:
-        ConfigError: the bench file or the camera cannot be used.
+        ConfigError: the bench file, or the calibration that it names, cannot be used.
     """
 
     overview = None
@@ -54,19 +58,24 @@ class SerialRig(ClosingRig):
         self.board = boards.all_boards()[made.board].geometry
         self.latency_s = made.camera.latency_s if latency_s is None else latency_s
         """Capture to delivery of the video [s]."""
-        self.camera = VideoCamera(
-            made.camera.source,
-            made.camera.geometry(),
-            self.clock,
-            latency_s=self.latency_s,
-            frame_rate_hz=made.camera.frame_rate_hz,
-        )
+        self._geometry = made.camera.geometry()
+        self.camera: VideoCamera | AbsentCamera
+        try:
+            self.camera = VideoCamera(
+                made.camera.source,
+                self._geometry,
+                self.clock,
+                latency_s=self.latency_s,
+                frame_rate_hz=made.camera.frame_rate_hz,
+            )
+        except ConfigError as error:
+            self.camera = AbsentCamera(error)
 
     def describe(self) -> Mapping[str, Any]:
         """Return bench, camera, board and line as plain values."""
         return {
             "bench": self.bench.model_dump(mode="json"),
-            "calibration": asdict(self.camera.calibration),
+            "calibration": asdict(self._geometry),
             "board": asdict(self.board),
             "line": self.drive.describe(),
         }

@@ -99,15 +99,17 @@ class HilServer(Closing):
             pictures=setup.pictures,
             overview=setup.overview,
         )
-        self.rig.clock.sleep_until(0.0)  # takes the first picture, and so tests OpenGL
-        now = self.rig.clock.now
-        bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
-        self.stream = None if setup.video is None else PictureStream(setup.video)
+        opened = [self.rig.close]
         try:
+            self.rig.clock.sleep_until(0.0)  # takes the first picture, and so tests OpenGL
+            now = self.rig.clock.now
+            bus = FaultyBus(EmulatedBus(self.rig.servos, now), now, setup.faults, setup.seed)
+            self.stream = None if setup.video is None else PictureStream(setup.video)
+            if self.stream:
+                opened.insert(0, self.stream.close)
             self.line = PtyLine(setup.link)
         except BaseException as error:
-            if self.stream:
-                close_after(error, self.stream.close)
+            close_after(error, lambda: close_all(*opened))
             raise
         self.emulator = BusServer(bus, self.line, paced=setup.paced)
         self._plugs = [f for f in setup.faults if f.kind == "unplug"]
