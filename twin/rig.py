@@ -121,7 +121,7 @@ class TwinRig(ClosingRig):
             self.overview = renderer.TwinCamera(fixed, self.clock, seed)
         under_way = renderer.under_way(video)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
-        self._renderer = renderer.Renderer(model) if pictures else None
+        self._renderer = renderer.Renderer(model)
         self._optics = optics.Optics(video, seed) if pictures else None
         self._shot = optics.shot(video)
         self._available: float | None = None
@@ -172,10 +172,33 @@ class TwinRig(ClosingRig):
         self.board = replace(self.board, target=(x, y))
         self.truth.target = (x, y, 0.0)
 
+    def draw(self, camera: str | int, width: int, height: int) -> Image:
+        """Draw what a camera of the model sees now, with neither latency nor lens nor noise.
+
+        Args:
+            camera: name or number of the camera: tip or overview.
+            width: width [px].
+            height: height [px].
+
+        Raises:
+            ConfigError: there is no such camera, the picture is too large, or pictures cannot be
+                rendered here.
+        """
+        model = self.plant.model
+        index = scene.camera_id(model, camera) if isinstance(camera, str) else camera
+        if not 0 <= index < model.ncam:
+            raise ConfigError(f"camera {camera}", f"use tip, overview, or 0 to {model.ncam - 1}")
+        largest = model.vis.global_.offwidth, model.vis.global_.offheight
+        if not (0 < width <= largest[0] and 0 < height <= largest[1]):
+            raise ConfigError(
+                f"a picture of {width}x{height} px", f"use at most {largest[0]}x{largest[1]}"
+            )
+        self.plant.draw_board()
+        return self._renderer.draw(self.plant.data, index, width, height)
+
     def close(self) -> None:
         """Switch the handles off and release the OpenGL context; may be called twice."""
-        drawing = [self._renderer.close] if self._renderer else []
-        close_all(self.actuators.close, self._darkroom.shutdown, *drawing)
+        close_all(self.actuators.close, self._darkroom.shutdown, self._renderer.close)
         self._closed = True
 
     def _look(self) -> None:
@@ -198,7 +221,7 @@ class TwinRig(ClosingRig):
         if moment.nominal:
             self.truth.expose(seq)
             self._available = self.camera.delivery(t)
-            if self.overview and self._renderer and seq % OVERVIEW_EVERY == 0:
+            if self.overview and seq % OVERVIEW_EVERY == 0:
                 self.plant.draw_board()
                 fixed = self._renderer.draw(self.plant.data, self._fixed, *OVERVIEW_SIZE)
                 self.overview.send(seq, t, fixed)
@@ -206,7 +229,7 @@ class TwinRig(ClosingRig):
             video = self.scenario.camera
             moved = self.plant.seen_speed() * video.exposure_s * self.camera.calibration.focal_px
             self._blurred = moved > SHARP_PX
-        if self._renderer and (moment.nominal or self._blurred):
+        if self.pictures and (moment.nominal or self._blurred):
             self.plant.draw_board()
             size = self._shot.width, self._shot.height
             self._pictures.append(self._renderer.draw(self.plant.data, self._tip, *size))

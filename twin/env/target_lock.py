@@ -76,6 +76,20 @@ class Physics(control.Physics):  # type: ignore[misc]  # dm-control is untyped
     def after_reset(self) -> None:
         """Do nothing: the rig is new."""
 
+    def render(self, height: int = 240, width: int = 320, camera_id: int | str = -1) -> Image:
+        """Draw what a camera sees now, as dm-control's own physics does; observes nothing.
+
+        Args:
+            height: height [px].
+            width: width [px].
+            camera_id: name or number of a camera; -1, which is dm-control's default, for overview.
+
+        Raises:
+            ConfigError: there is no such camera, the picture is too large, or pictures cannot be
+                rendered here.
+        """
+        return self.rig.draw("overview" if camera_id == -1 else camera_id, width, height)
+
     def close(self) -> None:
         """Switch the handles off and release the OpenGL context; may be called twice."""
         self.rig.close()

@@ -247,6 +247,39 @@ def test_an_episode_ends_with_its_scenario() -> None:
         assert made.step((0.0, 0.0)).first()
 
 
+def test_physics_renders_what_is_there_now_and_changes_nothing() -> None:
+    def run(*, render: bool) -> list[Any]:
+        with target_lock.make(scenario.load("circle", SMALL), pixels=True, seed=3) as made:
+            bits = _bits([made.reset()])
+            for _ in range(15):
+                if render:
+                    image = made.physics.render(camera_id="tip")
+                    image[:] = 0
+                bits += _bits([made.step((0.3, 0.2))])
+        return bits
+
+    assert run(render=True) == run(render=False)
+    with target_lock.make("circle") as made:
+        made.reset()
+        for _ in range(20):
+            made.step((0.3, 0.2))
+        rig, render = made.physics.rig, made.physics.render
+        image = render(480, 640, "tip")  # the size of this scenario's camera, which is a pinhole
+        frame = Frame(image=image, t_capture=0.4, t_available=0.4, seq=0, dropped=0)
+        seen = MarkerEyes(rig.camera.calibration, rig.board)(frame)
+        # marker noise and tilt
+        assert seen.target_px == pytest.approx(rig.truth.now().target_px, abs=0.5)
+        assert render().shape == (240, 320, 3)  # dm-control's defaults
+        assert np.array_equal(render(), render(camera_id="overview"))
+        assert not np.array_equal(render(), render(camera_id="tip"))
+        for wrong in ({"camera_id": "tipp"}, {"camera_id": 7}, {"camera_id": -2}):
+            with pytest.raises(ConfigError, match=r"use (tip, overview|overview, tip)"):
+                render(**wrong)
+        for width, height in ((0, 240), (320, -1), (5000, 240), (320, 481)):
+            with pytest.raises(ConfigError, match="use at most 640x480"):
+                render(height, width)
+
+
 def test_physics_sleeps_on_the_clock_of_the_rig() -> None:
     with target_lock.make("rest") as made:
         made.reset()
