@@ -91,7 +91,7 @@ def test_a_closed_rig_takes_no_pictures() -> None:
     rig.clock.sleep_until(0.1)
     rig.close()
     rig.close()
-    with pytest.raises(ConfigError, match="this rig is closed and takes no pictures"):
+    with pytest.raises(ConfigError, match="this rig is closed; make a new one"):
         rig.clock.sleep_until(0.2)
 
 
