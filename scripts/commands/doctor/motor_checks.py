@@ -118,12 +118,16 @@ def judge(motors: Sequence[FoundMotor], path: str) -> list[Finding]:
     rows = [Finding("motors", not strange, ", ".join(listed), advice)]
     for check in CHECKS:
         bad = any(check.bad(m) for m in motors)
-        values = ", ".join(f"{m.id}: {check.value(m)}" for m in motors)
+        values = ", ".join(f"{m.id}: {_said(check, m)}" for m in motors)
         advice = check.advice.replace("SET-UP", cure) if bad else ""
         rows.append(Finding(check.name, not bad, values, advice))
         if check is CHECKS[AFTER]:
             rows += setting_checks.judge(motors, cure)
     return [*rows, _bench(motors, cure)]
+
+
+def _said(check: MotorCheck, motor: FoundMotor) -> str:
+    return "unknown" if motor.mute and check.reads else check.value(motor)
 
 
 class MotorCheck(NamedTuple):
@@ -134,6 +138,8 @@ class MotorCheck(NamedTuple):
     bad: Callable[[FoundMotor], bool]
     advice: str
     """What to do if a motor fails it."""
+    reads: bool = False
+    """Whether it needs a register that a motor which answers to pings only does not tell."""
 
 
 def _errors(motor: FoundMotor) -> str:
@@ -183,6 +189,7 @@ CHECKS = (
         _errors,
         lambda m: m.hardware_error != 0,
         "do that, then switch the motors' supply off and on",
+        reads=True,
     ),
     MotorCheck(
         "watchdog",
@@ -190,6 +197,7 @@ CHECKS = (
         lambda m: m.watchdog == reg.TRIPPED,
         "its program stopped sending; the next program to connect relaxes the motor and clears "
         "this, as does switching the supply off: hold the endoscope",
+        reads=True,
     ),
     MotorCheck(
         "torque",
@@ -197,6 +205,7 @@ CHECKS = (
         lambda m: m.torque != 0,
         "it holds though no program has the port; the next program to connect relaxes the motor, "
         "as does switching the supply off: hold the endoscope",
+        reads=True,
     ),
 )
 """In the order of the rows."""

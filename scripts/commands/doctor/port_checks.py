@@ -21,9 +21,9 @@ from endolock.scripts.commands.doctor.motor_checks import SEARCHES_S, Report, re
 
 TIMER_MS = 1
 """Shortest time for which an FTDI adapter buffers received bytes [ms]."""
-WAIT_S = 10.0
+WAIT_S = 20.0
 """A port that does not exist is waited for this long [s]: the emulator makes it when it is ready,
-4 s after its start on an idle machine."""
+14 s after its start with five busy programs on every core."""
 OTHER_PORT = "see the row 'serial', or give a port that it lists"
 """What to do where a port cannot be opened."""
 UDEV_FILE = "/etc/udev/rules.d/99-endolock.rules"

@@ -349,6 +349,8 @@ def test_a_status_level_left_by_others_is_named_and_the_set_up_heals_it(
             "program to connect sets it to 2, as does switching the supply off and on: then run "
             "this again",
         )
+        told = [findings[name].text for name in ("hardware error", "watchdog", "torque")]
+        assert ("1: off, 2: unknown" in told) is (level == 0)
         assert servos[1].status_level == level  # looking changes nothing
         assert red(examine(served.path, set_up=True)) == []
 
