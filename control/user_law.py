@@ -83,7 +83,8 @@ class UserLaw(NamedTuple):
             ConfigError: `make` failed, or returned something else.
         """
         _fresh.pop(self.file, None)  # the next run executes it again
-        made = self.caller.call("make", partial(self.function, calibration, **settings))
+        with contextlib.chdir(os.curdir):
+            made = self.caller.call("make", partial(self.function, calibration, **settings))
         return UserController(made, self.caller)
 
 

@@ -6,21 +6,25 @@ print(record.error_px.rms, record.folder)
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, chdir, nullcontext
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from endolock.control import loop, metrics, registry
+from endolock.control import loop, metrics, registry, user_law
 from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Rig
 from endolock.hw.bench.bench_file import Bench
+from endolock.hw.lifecycle import close_all
 from endolock.scripts.runs import overrides, rigs, run_folder, theory
 from endolock.scripts.runs.experiment_fields import CONVERSIONS, converted, described
-from endolock.scripts.runs.progress import closing, progress
+from endolock.scripts.runs.progress import progress
 from endolock.scripts.runs.run_record import RunRecord
+from endolock.scripts.runs.stopping import closing
 from endolock.scripts.runs.target_path import hindsight
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
@@ -179,37 +183,60 @@ class Experiment:
             HardwareError: the handles stopped; the folder holds everything up to the fault.
             Interrupted: a Ctrl-C or a kill ended it early.
         """
+        # A law may change the working folder; afterwards it is the user's again.
+        law = isinstance(self.controller, str) and self.controller.endswith(user_law.SUFFIX)
+        with chdir(os.curdir) if law else nullcontext():
+            return self._run(label, show_progress)
+
+    def _run(self, label: str, show_progress: bool) -> RunRecord:
         task = self.resolve()
         scenario = task.scenario
         rig, eyes, until_closed = self._stage(task)  # a Ctrl-C meanwhile takes effect at once
-        with closing() as signals, until_closed, ExitStack() as afterwards:
-            if signals:
-                raise KeyboardInterrupt
-            controller = self._make(rig, task.settings)
-            name = f"{scenario.name}-{self.controller_name}"
-            path = self.out or run_folder.new_path(RUNS, name)
-            scorer = metrics.Scorer(rig.camera.calibration, scenario.scored_from_s)
-            folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
-            start = time.perf_counter()
-            shown = f"{label} {name}".strip()
-            with folder, progress(shown, scenario.duration_s, show_progress) as update:
-                if rig.line:
-                    rig.line.record(path / run_folder.BUS_LOG)
-                    if rig is self.rig:  # its line goes on without this run
-                        afterwards.callback(rig.line.stop_recording)
-                result = loop.run(
-                    rig,
-                    eyes,
-                    controller,
-                    duration_s=scenario.duration_s,
-                    recorder=loop.Recorders(folder, scorer),
-                    keep=False,
-                    progress=update,
-                )
-            wall_s = time.perf_counter() - start
-            scores = scorer.scores()
+        with closing() as stop:
+            with until_closed, ExitStack() as afterwards:
+                stop.check()
+                controller = self._make(rig, task.settings)
+                name = f"{scenario.name}-{self.controller_name}"
+                path = self.out or run_folder.new_path(RUNS, name)
+                scorer = metrics.Scorer(rig.camera.calibration, scenario.scored_from_s)
+                folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
+                handles = rig.actuators
+                stop.abandon = partial(close_all, handles.hold, folder.close, handles.close)
+                start = time.perf_counter()
+                shown = f"{label} {name}".strip()
+                with folder, progress(shown, scenario.duration_s, show_progress, stop) as update:
+                    if rig.line:
+                        rig.line.record(folder.path / run_folder.BUS_LOG)
+                        if rig is self.rig:  # its line goes on without this run
+                            afterwards.callback(rig.line.stop_recording)
+                    result = loop.run(
+                        rig,
+                        eyes,
+                        controller,
+                        duration_s=scenario.duration_s,
+                        recorder=loop.Recorders(folder, scorer),
+                        keep=False,
+                        progress=update,
+                    )
+                wall_s = time.perf_counter() - start
             simulated = rig.truth is not None
-        ran_s = scorer.ran_s
+            record = self._record(task, scorer, simulated, result.interrupted, folder.path, wall_s)
+            folder.finish(record.as_dict())
+            if stop.asked or record.interrupted:
+                raise Interrupted(record)
+            return record
+
+    def _record(
+        self,
+        task: Resolved,
+        scorer: metrics.Scorer,
+        simulated: bool,
+        interrupted: bool,
+        folder: Path,
+        wall_s: float,
+    ) -> RunRecord:
+        """Complete the scores of a run to its record."""
+        scenario, scores, ran_s = task.scenario, scorer.scores(), scorer.ran_s
         needed = constant = None
         # The path is known from the start of a scenario; a rig object may be further on.
         fresh = isinstance(self.rig, str) or (scorer.began_t or 0.0) <= loop.PERIOD_S
@@ -217,7 +244,7 @@ class Experiment:
             ran = scenario.model_copy(update={"duration_s": ran_s})
             needed, constant = hindsight(ran, task.instrument, self.seed)
         plain = self._described()
-        record = RunRecord(
+        return RunRecord(
             **{field.name: getattr(scores, field.name) for field in fields(scores)},
             scenario=scenario.name,
             controller=self.controller_name,
@@ -231,15 +258,11 @@ class Experiment:
             wall_s=wall_s,
             real_time_factor=ran_s / wall_s,
             latency_s=scenario.camera.latency_s,
-            interrupted=result.interrupted,
+            interrupted=interrupted,
             needed_tip_deg=list(needed) if needed else None,
             constant_px=constant,
-            folder=path,
+            folder=folder,
         )
-        folder.finish(record.as_dict())
-        if record.interrupted:
-            raise Interrupted(record)
-        return record
 
     @property
     def changes(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from endolock.hw.api import AXES, ConfigError
 from endolock.scripts.runs import hysteresis_widths, rigs, run_folder
 from endolock.scripts.runs.hysteresis_protocol import SPEED_RAD_S, Protocol, RecordedStrokes
 from endolock.scripts.runs.progress import progress
+from endolock.scripts.runs.stopping import closing
 from endolock.twin.world import instrument_files
 from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.instrument import Instrument
@@ -143,7 +144,11 @@ class HysteresisMeasurement:
         )
         quarters = 15.0 if whole else 5.0
         expected_s = quarters * USUAL_CREST_RAD / SPEED_RAD_S + (32.0 if whole else 0.0)
-        with rig, progress("strokes", round(expected_s), show_progress) as report:
+        with (
+            closing() as stop,
+            rig,
+            progress("strokes", round(expected_s), show_progress, stop) as report,
+        ):
             protocol = Protocol(rig, AXES.index(self.axis), report)
             other_axis_rad = protocol.bend_other_axis(radians(self.other_axis_deg))
             folder = None

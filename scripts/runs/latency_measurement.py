@@ -20,6 +20,7 @@ from endolock.control.identification import latency_estimate
 from endolock.hw.api import AXES, Command, ConfigError, Frame
 from endolock.scripts.runs import rigs
 from endolock.scripts.runs.progress import progress
+from endolock.scripts.runs.stopping import closing
 from endolock.twin.world import instrument_files
 from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.instrument import Instrument
@@ -119,7 +120,7 @@ class LatencyMeasurement:
         frames: list[tuple[float, int, float]] = []
         taken: list[float] = []
         newest = -1
-        with rig, progress("latency", duration_s, show_progress) as report:
+        with closing() as stop, rig, progress("latency", duration_s, show_progress, stop) as report:
             rig.actuators.enable()
             command: Command | None = None
             start = rig.clock.now()

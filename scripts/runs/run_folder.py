@@ -54,7 +54,7 @@ class RunFolder(Closing):
     """
 
     def __init__(self, path: Path, configuration: Mapping[str, Any]) -> None:
-        self.path = path
+        self.path = path.absolute()  # a law may change the working folder
         try:
             text = sealed_text.toml(_without_none({**configuration, "versions": _versions()}))
             path.mkdir(parents=True, exist_ok=True)

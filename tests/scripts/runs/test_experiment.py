@@ -202,7 +202,7 @@ def test_a_fault_is_not_hidden_by_a_folder_that_cannot_be_closed(
         raise ConfigError("disk full", "make room")
 
     monkeypatch.setattr(RunFolder, "close", close)
-    with pytest.raises(ConfigError, match="update failed: DeviceFault: handle stopped") as caught:
+    with pytest.raises(DeviceFault, match="handle stopped") as caught:
         quick(tmp_path / "run", controller=Failing).run()
     assert any("disk full" in note for note in caught.value.__notes__)
 

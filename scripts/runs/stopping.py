@@ -1,0 +1,111 @@
+"""Stops on Ctrl-C and `kill`: between two ticks, or within a law or eyes that hang.
+
+The first signal ends a run at the end of the tick. A second one interrupts the law, or whatever the
+run waits for, at once; without a second one this happens after `GRACE_S`. While a rig or a run
+folder is being closed signals are only noted. A law that cannot be interrupted either, as it calls
+a library that does not return or catches all exceptions, is abandoned: the handles hold and are
+switched off, the log is closed, and the process ends.
+"""
+
+from __future__ import annotations
+
+import _thread
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from endolock.control import user_code
+
+GRACE_S = 2.0
+"""Time for a tick to end after the first signal, and then for an interrupted law [s]. Assumed: a
+hundred periods."""
+INTERRUPTED = 130
+"""Exit code of an interrupted program."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stop:
+    """What signals asked for, and what they may interrupt."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        """Whether a signal came."""
+        self.interruptible = False
+        """Whether a second signal may interrupt any code, and not only a law or eyes."""
+        self.abandon: Callable[[], None] | None = None
+        """Makes the handles safe and closes the log while a law does not return."""
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if a signal came."""
+        if self.asked:
+            self.interruptible = False  # what follows is closing
+            raise KeyboardInterrupt
+
+    def note(self, _number: int, frame: FrameType | None) -> None:
+        """Take note of a signal, as its handler; interrupt with the second one."""
+        if self.asked and (self.interruptible or user_code.is_running(frame)):
+            self.interruptible = False
+            raise KeyboardInterrupt
+        self.asked = True
+
+
+@contextmanager
+def closing() -> Iterator[Stop]:
+    """Defer Ctrl-C and kill signals until all is closed; yield what they ask for.
+
+    In other threads than the main one, where signals do not arrive, it does nothing.
+    """
+    stop = Stop()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, stop.note) for number in SIGNALS}
+    ours, theirs = socket.socketpair()
+    theirs.setblocking(False)
+    woken = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
+    over = threading.Event()
+    threading.Thread(target=_insist, args=(stop, ours, over), daemon=True).start()
+    try:
+        yield stop
+        stop.check()
+    finally:
+        over.set()
+        signal.set_wakeup_fd(woken)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        theirs.close()  # ends the thread
+
+
+def _insist(stop: Stop, signals: socket.socket, over: threading.Event) -> None:
+    """After a signal see to it that the run ends; in a thread, as the main one may hang.
+
+    Args:
+        stop: what signals asked for.
+        signals: sends a byte for each signal, and ends with the run.
+        over: set when the run has ended.
+    """
+    with signals:
+        if not signals.recv(1):
+            return
+    main = threading.main_thread().ident
+    assert main is not None
+    if over.wait(GRACE_S):
+        return
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main, signal.SIGINT)  # ends a sleep as well
+    else:
+        _thread.interrupt_main()
+    while not over.wait(GRACE_S):
+        if stop.abandon and user_code.is_running(sys._current_frames().get(main)):
+            with suppress(Exception):  # whatever fails, the process ends
+                stop.abandon()
+            print(
+                "\nendolock: interrupted; the law did not stop, so it was abandoned",
+                file=sys.stderr,
+            )
+            os._exit(INTERRUPTED)
