@@ -39,6 +39,10 @@ class Stop:
         """Whether a second signal may interrupt any code, and not only a law or eyes."""
         self.abandon: Callable[[], None] | None = None
         """Makes the handles safe and closes the log while a law does not return."""
+        self.over = threading.Event()
+        """Set when all is closed."""
+        self.sending = threading.Lock()
+        """Held while a signal is sent on behalf of an earlier one."""
 
     def check(self) -> None:
         """Raise KeyboardInterrupt if a signal came."""
@@ -68,44 +72,56 @@ def closing() -> Iterator[Stop]:
     ours, theirs = socket.socketpair()
     theirs.setblocking(False)
     woken = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
-    over = threading.Event()
-    threading.Thread(target=_insist, args=(stop, ours, over), daemon=True).start()
+    threading.Thread(target=_insist, args=(stop, ours), daemon=True).start()
     try:
         yield stop
         stop.check()
     finally:
-        over.set()
+        with stop.sending:  # no signal of the thread may come after this
+            stop.over.set()
         signal.set_wakeup_fd(woken)
         for number, handler in before.items():
             signal.signal(number, handler)
         theirs.close()  # ends the thread
 
 
-def _insist(stop: Stop, signals: socket.socket, over: threading.Event) -> None:
+def _insist(stop: Stop, signals: socket.socket) -> None:
     """After a signal see to it that the run ends; in a thread, as the main one may hang.
 
     Args:
         stop: what signals asked for.
         signals: sends a byte for each signal, and ends with the run.
-        over: set when the run has ended.
     """
     with signals:
         if not signals.recv(1):
             return
     main = threading.main_thread().ident
     assert main is not None
-    if over.wait(GRACE_S):
-        return
+    sent = False
+    while not stop.over.wait(GRACE_S):
+        with stop.sending:
+            hangs = user_code.is_running(sys._current_frames().get(main))
+            if stop.over.is_set():
+                return
+            if sent and hangs and stop.abandon:
+                _abandon(stop.abandon)
+            if not sent and (hangs or stop.interruptible):
+                sent = True
+                _interrupt(main)
+
+
+def _interrupt(main: int) -> None:
+    """Send a second signal to the main thread."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(main, signal.SIGINT)  # ends a sleep as well
     else:
         _thread.interrupt_main()
-    while not over.wait(GRACE_S):
-        if stop.abandon and user_code.is_running(sys._current_frames().get(main)):
-            with suppress(Exception):  # whatever fails, the process ends
-                stop.abandon()
-            print(
-                "\nendolock: interrupted; the law did not stop, so it was abandoned",
-                file=sys.stderr,
-            )
-            os._exit(INTERRUPTED)
+
+
+def _abandon(make_safe: Callable[[], None]) -> None:
+    """End the process in spite of a law that does not return."""
+    with suppress(Exception):  # whatever fails, the process ends
+        make_safe()
+    said = "endolock: interrupted; the law did not stop, so it was abandoned"
+    print(f"\n{said}", file=sys.stderr, flush=True)
+    os._exit(INTERRUPTED)
