@@ -25,13 +25,24 @@ class Reading:
     silent: tuple[str, ...] = ()
     """Axes that did not answer, where that is known."""
 
+    def heard(self, axis: str) -> bool:
+        """Return whether an axis answered."""
+        return self.fresh or (bool(self.silent) and axis not in self.silent)
+
 
 class Drive(Protocol):
-    """The motors behind a guard. It may raise `DeviceFault`; the guard detects all other faults."""
+    """The motors behind a guard. It may raise `DeviceFault`; the guard detects all other faults.
+
+    It makes no goal and no zero out of what it measures: that is the guard's decision.
+    """
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Axis names, in the order of every tuple here."""
+
+    @property
+    def step_rad(self) -> tuple[float, ...]:
+        """Handle angle of one step of the encoder of each axis [rad]."""
 
     @property
     def limits(self) -> Limits:
@@ -50,14 +61,17 @@ class Drive(Protocol):
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
         """Return the nearest goal that the device can represent [rad]."""
 
-    def hold(self) -> tuple[float, ...] | None:
-        """Stop every motor that responds; return the angles [rad], or None if none answers."""
+    def measure(self) -> Reading:
+        """Measure, whatever state the motors are in; raises none of their faults."""
+
+    def hold(self, goal: tuple[float | None, ...]) -> None:
+        """Send a goal [rad] to every motor that still responds; with None it keeps its goal."""
 
     def torque(self, on: bool) -> None:
         """Switch torque on or off."""
 
-    def zero(self) -> None:
-        """Make the present position the zero of every axis."""
+    def zero(self, position: tuple[float, ...]) -> None:
+        """Make this position [rad] the zero of every axis."""
 
     def recover(self) -> None:
         """Reopen the device after a fault, torque off.

@@ -7,40 +7,26 @@ exercises the same safety code as a bench. Laboratory software, not a medical de
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import inf, isfinite
+from dataclasses import replace
 
+from endolock.hw import guard_checks
 from endolock.hw.api import (
     Clock,
     Command,
-    CommandError,
     DeviceFault,
     HardwareError,
     Limits,
-    LinkLost,
     Mode,
     State,
     StateError,
 )
 from endolock.hw.drive import Drive, Reading
 from endolock.hw.errors import RESUME, add_second
+from endolock.hw.guard_checks import Checks
+from endolock.hw.guard_checks import GuardSettings as GuardSettings
 from endolock.hw.history import History
 from endolock.hw.lifecycle import Connecting
-
-
-@dataclass(frozen=True, kw_only=True)
-class GuardSettings:
-    """Thresholds of a guard."""
-
-    following_error_rad: float = 0.5
-    """Largest distance of a handle from its goal [rad]. Assumed: at full speed a servo lags by
-    0.1 rad, and a blocked handle is off by 0.5 rad after 0.15 s."""
-    following_time_s: float = 0.2
-    """A larger distance for longer than this [s] is a fault. Assumed."""
-    max_age_s: float = 0.1
-    """The link counts as lost after this time without a fresh state [s]. Assumed."""
-    max_slew_step_s: float = 0.1
-    """After a pause the goal moves at most as far as it may within this time [s]. Assumed."""
+from endolock.hw.positions import LOAD_RAD, Positions
 
 
 class Guard(Connecting):
@@ -61,10 +47,11 @@ class Guard(Connecting):
         self._commanded: tuple[float, ...] = ()
         self._limited: tuple[float, ...] = ()
         self._goal: tuple[float, ...] = ()
-        self._expires = self._slewed_at = self._fresh_at = self._taken_at = 0.0
+        self._expires = self._slewed_at = 0.0
+        self._checks = Checks(drive.axes, self._settings)
+        self._positions = Positions(drive)
         self._stop: str | None = None
-        self._off_since: list[float | None] = [None] * len(drive.axes)
-        self._seq = self._unanswered = 0
+        self._seq = 0
 
     @property
     def clock(self) -> Clock:
@@ -97,7 +84,8 @@ class Guard(Connecting):
             except DeviceFault as fault:
                 self._fault = fault
             self._mode = Mode.FAULT if self._fault else Mode.DISABLED
-            self._fresh_at = self.clock.now()
+            self._positions.forget()
+            self._checks.restart(self.clock.now())
 
     def home(self) -> None:
         """Make the present position the zero of both axes; see `Actuators.home`."""
@@ -106,8 +94,10 @@ class Guard(Connecting):
             raise self._state_error(
                 f"cannot home while {self._mode}", first.get(self._mode, "disable")
             )
-        self._drive.zero()
+        _, position = self._confirm("home", "the zeros are not known")
+        self._drive.zero(position)
         self._history = History()  # the old one counts from the old zero
+        self._positions.forget()
 
     def enable(self) -> State:
         """Switch torque on without a jump; see `Actuators.enable`."""
@@ -116,27 +106,18 @@ class Guard(Connecting):
         now = self.clock.now()
         if (why := self._fault or self._stopped(now)) is not None:
             raise self._state_error(f"cannot enable: {why.what}", "clear_fault", why.next_step)
+        reading, position = self._confirm("enable", "enabling could make them jump")
+        goal = self._drive.quantise(self._positions.starting(position))
+        self._goal = self._limited = self._commanded = goal
         try:
-            reading = self._drive.transfer(None)
-            if reading.fresh:
-                self._goal = self._limited = self._commanded = self._drive.quantise(
-                    reading.position
-                )
-                # The goal is written before torque comes on.
-                self._drive.transfer(self._goal)
-                self._drive.torque(True)
+            # The goal is written before torque comes on.
+            self._drive.transfer(goal)
+            self._drive.torque(True)
         except HardwareError as fault:
             self._latch(fault)
             raise
-        if not reading.fresh:  # nothing was sent, so there is nothing to latch
-            raise LinkLost(
-                "the handles do not answer, so enabling could make them jump",
-                "check cable and power",
-                recovery=("enable",),
-                t=now,
-            )
-        self._slewed_at = self._fresh_at = self._taken_at = self._expires = now
-        self._off_since = [None] * len(self.axes)
+        self._slewed_at = self._expires = now
+        self._checks.restart(now)
         self._mode = Mode.HOLDING
         return self._remember(replace(reading, goal=self._goal), (0,) * len(self.axes))
 
@@ -158,10 +139,11 @@ class Guard(Connecting):
         clipped = self._slew(now) if driven else (0,) * len(self.axes)
         try:
             reading = self._drive.transfer(self._goal if driven else None)
-            self._check_age(reading, now)
+            self._checks.age(reading, now)
             if driven:
-                self._check_following(reading, now)
-                self._check_taken(reading, now)
+                reading = self._check_driven(reading, now)
+            else:
+                self._positions.accept(reading)
         except HardwareError as fault:
             self._latch(fault)
             raise
@@ -184,6 +166,8 @@ class Guard(Connecting):
         """Switch torque off; see `Actuators.disable`."""
         if self._mode is Mode.DISCONNECTED:
             return
+        if self._mode.driven:
+            self._positions.note_loads()
         try:
             self._drive.torque(False)
         except HardwareError as fault:
@@ -200,7 +184,7 @@ class Guard(Connecting):
             self._drive.recover()
             self._mode = Mode.DISABLED
         self._fault = None
-        self._fresh_at = self.clock.now()
+        self._checks.restart(self.clock.now())
 
     def close(self) -> None:
         """Switch torque off and release the drive; may be called twice."""
@@ -211,27 +195,7 @@ class Guard(Connecting):
     def _accept(self, command: Command, now: float) -> None:
         if not self._mode.driven:
             raise self._state_error(f"cannot move while {self._mode}", "enable")
-        position = tuple(float(p) for p in command.position)
-        if len(position) != len(self.axes):
-            raise CommandError(
-                f"command has {len(position)} positions",
-                f"give {len(self.axes)}: {', '.join(self.axes)}",
-                t=now,
-            )
-        for axis, value in zip(self.axes, position, strict=True):
-            if not isfinite(value):
-                raise CommandError(
-                    f"command for {axis} is {value}",
-                    "give a finite angle in rad (the previous goal stays)",
-                    t=now,
-                    axis=axis,
-                )
-        if not 0 < command.valid_for < inf:
-            raise CommandError(
-                f"command is valid for {command.valid_for} s",
-                "give a finite time of more than 0 (the previous goal stays)",
-                t=now,
-            )
+        position = guard_checks.values(command, self.axes, now)
         self._commanded = position
         self._limited = tuple(
             min(max(p, low), high)
@@ -258,69 +222,37 @@ class Guard(Connecting):
         self._limited = self._commanded = self._goal
         self._mode = Mode.HOLDING
 
-    def _check_age(self, reading: Reading, now: float) -> None:
-        self._unanswered = 0 if reading.fresh else self._unanswered + 1
-        if reading.fresh:
-            self._fresh_at = now
-        # A single missing answer is no loss, however long ago the one before was.
-        elif self._unanswered > 1 and now - self._fresh_at > self._settings.max_age_s:
-            who = " and ".join(reading.silent) or "the handles"
-            raise LinkLost(
-                f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen",
-                "check cable and power",
-                recovery=RESUME,
-                t=now,
-                axis=reading.silent[0] if reading.silent else None,
-            )
+    def _check_driven(self, reading: Reading, now: float) -> Reading:
+        """Check a reading of driven handles; return what is believed of it."""
+        sent = self._drive.quantise(self._goal)
+        believed = self._positions.believe(reading, sent)
+        self._checks.following(believed, self._goal, now)
+        self._checks.taken(reading, sent, now)
+        return believed
 
-    def _check_taken(self, reading: Reading, now: float) -> None:
-        """Check that goals arrive, where the motors report theirs."""
-        if reading.goal is None or reading.goal == self._drive.quantise(self._goal):
-            self._taken_at = now
-        elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
-            axis = next(
-                axis
-                for axis, has, sent in zip(
-                    self.axes, reading.goal, self._drive.quantise(self._goal), strict=True
-                )
-                if has != sent
-            )
-            raise LinkLost(
-                f"no goal reached {axis} for {now - self._taken_at:.3f} s, though it answers; the "
-                "goal is frozen",
-                "check the cable",
-                recovery=RESUME,
-                t=now,
-                axis=axis,
-            )
-
-    def _check_following(self, reading: Reading, now: float) -> None:
-        settings = self._settings
-        for i, axis in enumerate(self.axes):
-            error = self._goal[i] - reading.position[i]
-            if abs(error) <= settings.following_error_rad:
-                self._off_since[i] = None
-                continue
-            since = self._off_since[i]
-            if since is None:
-                self._off_since[i] = now
-            elif now - since > settings.following_time_s:
-                raise DeviceFault(
-                    f"handle {axis} is {error:+.2f} rad from its goal for more than "
-                    f"{settings.following_time_s:g} s; the goal is frozen where it stands",
-                    "free the handle",
-                    recovery=RESUME,
-                    kind="following",
-                    t=now,
-                    axis=axis,
-                )
+    def _confirm(self, call: str, risk: str) -> tuple[Reading, tuple[float, ...]]:
+        """Return a reading and the confirmed positions [rad]; see `Positions.confirm`."""
+        try:
+            return self._positions.confirm(call, risk)
+        except HardwareError as fault:
+            if fault.recovery != (call,):  # else nothing has happened but that it is not known
+                self._latch(fault)
+            raise
 
     def _latch(self, fault: HardwareError) -> None:
-        """Latch the first fault and hold: the goal becomes the present position."""
+        """Latch the first fault and hold."""
+        driven = self._mode.driven
+        if driven:
+            self._positions.note_loads()
         self._fault = self._fault or fault
         self._mode = Mode.FAULT
         try:
-            self._goal = self._drive.hold() or self._goal
+            # Where a handle is blocked, none is pushed, not even as far as a load would need.
+            blocked = isinstance(fault, DeviceFault) and fault.kind == "following"
+            near_rad = 0.0 if blocked else LOAD_RAD
+            goal = self._positions.stopping(self._goal if driven else None, near_rad)
+            if any(at is not None for at in goal):
+                self._drive.hold(goal)
         except HardwareError as second:
             add_second(fault, "the hold command failed", second)
 

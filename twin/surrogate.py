@@ -150,6 +150,7 @@ class SurrogateDrive:
         self._plant, self._instrument = plant, instrument
         self._zero = (0.0, 0.0)
         self._step = instrument.encoder_step_rad
+        self.step_rad = (self._step,) * len(self.axes)
         self._limit()
 
     def open(self) -> None:
@@ -176,10 +177,15 @@ class SurrogateDrive:
         """Return the nearest encoder position [rad]."""
         return tuple(round(g / self._step) * self._step for g in goal)
 
-    def hold(self) -> tuple[float, ...]:
-        """Hold the handles."""
-        self.torque(True)
-        return self.transfer(None).position
+    def measure(self) -> Reading:
+        """Measure."""
+        return self.transfer(None)
+
+    def hold(self, goal: tuple[float | None, ...]) -> None:
+        """Hold the handles there; with None one keeps its goal."""
+        kept, zero = self._plant.goal, self._zero
+        a, b = (k if g is None else g + z for g, k, z in zip(goal, kept, zero, strict=True))
+        self._plant.goal = a, b
 
     def recover(self) -> None:
         """Do nothing: it never fails."""
@@ -188,9 +194,9 @@ class SurrogateDrive:
         """Hold the handles, also without torque."""
         self._plant.goal = self._plant.handles
 
-    def zero(self) -> None:
-        """Make the present position the zero of both axes."""
-        a, b = self.quantise(self._plant.handles)
+    def zero(self, position: tuple[float, ...]) -> None:
+        """Make this position [rad] the zero of both axes."""
+        a, b = self.quantise((self._zero[0] + position[0], self._zero[1] + position[1]))
         self._zero = a, b
         self._limit()
 

@@ -199,11 +199,11 @@ class Bus:
             if len(answers.get(device, b"")) == register.size
         }
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Send all goals and read all blocks in one transaction.
+    def cycle(self, goals: Sequence[int | None] | None, accept: Accept) -> Cycle:
+        """Send goals and read all blocks in one transaction.
 
         Args:
-            goals: of each motor [counts]; None to read only.
+            goals: of each motor [counts]; None keeps a motor's goal; None to read only.
             accept: checks each block.
 
         Raises:
@@ -215,6 +215,7 @@ class Bus:
             parts = (
                 bytes((i,)) + reg.GOAL_POSITION.encode_signed(g)
                 for i, g in zip(self._ids, goals, strict=True)
+                if g is not None
             )
             data = self._goals + b"".join(parts)
             request = encode(BROADCAST, Instruction.SYNC_WRITE, data) + request

@@ -13,13 +13,16 @@ from math import inf
 from typing import Any
 
 from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost
+from endolock.hw.confirmed import KEPT, Sample, majority
 from endolock.hw.drive import Reading
 from endolock.hw.dynamixel import registers as reg
-from endolock.hw.dynamixel import servo_setup
+from endolock.hw.dynamixel import servo_faults, servo_setup
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.registers import Block, Register, Units
+from endolock.hw.dynamixel.servo_faults import Who
 from endolock.hw.dynamixel.servo_setup import Identity, Link, Prepared
-from endolock.hw.errors import RESUME, add_second
+from endolock.hw.dynamixel.zeros import Zeros
+from endolock.hw.errors import add_second
 from endolock.hw.lifecycle import close_after, close_all
 
 WATCHDOG_S = 0.4
@@ -63,14 +66,11 @@ class ServoDrive:
         self._given_units = units
         self._units = tuple(units or Units() for _ in self._handles)
         self._motors: tuple[Prepared, ...] = ()
-        self._step = self._steps()
         self._watchdog = round(watchdog_s / reg.WATCHDOG_UNIT_S)
-        self._zeros: list[int | None] = [handle.zero_counts for handle in self._handles]
-        self._calibrated = list(self._zeros)  # what the handles' ranges are counted from
-        self.limits = self._limited()
+        self._zeros = Zeros(self._handles)
+        self._count()
         count = len(self._handles)
         self._blocks: list[Block | None] = [None] * count
-        self._known: list[int | None] = [None] * count  # positions by which whole turns are known
         self._offset = [inf] * count  # clock time at which the device's tick was 0
         self._heard = [0.0] * count
         self._refused = [False] * count
@@ -78,12 +78,22 @@ class ServoDrive:
         self._on = False
         self._measured = (clock.now(), 0.0)  # when, and how surely
 
+    @property
+    def limits(self) -> Limits:
+        """Limits of position and speed, counted from the present zeros."""
+        return self._zeros.limits
+
+    @property
+    def step_rad(self) -> tuple[float, ...]:
+        """Handle angle of one step of the encoder of each axis [rad]."""
+        return tuple(abs(step) for step in self._zeros.step)
+
     def describe(self) -> dict[str, Any]:
         """Return the settings of the drive as plain values, with the present zeros.
 
         Once it is open, `motor` holds the registers of each motor; `units` are those of the first.
         """
-        rows = zip(self.axes, self._handles, self._zeros, strict=True)
+        rows = zip(self.axes, self._handles, self._zeros.counts, strict=True)
         motors = zip(self.axes, self._motors, strict=False)  # none before it is open
         return {
             "watchdog_s": self._watchdog * reg.WATCHDOG_UNIT_S,
@@ -129,11 +139,11 @@ class ServoDrive:
             DeviceFault: a motor stopped.
             PortGone: the port was unplugged.
         """
-        self._sent = None if goal is None else self._counts(goal)
+        self._sent = None if goal is None else self._zeros.to_counts(goal)
         fresh, reading = self._cycle(self._sent)
         for index, block in enumerate(self._blocks):
             if block is not None and fresh[index]:
-                self._known[index] = block.position
+                self._zeros.saw(index, block.position)
                 self._check(index, block)
             elif self._refused[index]:
                 self._examine(index)
@@ -141,24 +151,24 @@ class ServoDrive:
 
     def quantise(self, goal: tuple[float, ...]) -> tuple[float, ...]:
         """Return the nearest goal that the motors can represent [rad]."""
-        return self.angles(self._counts(goal))
+        return self.angles(self._zeros.to_counts(goal))
 
-    def hold(self) -> tuple[float, ...] | None:
-        """Stop every motor that still responds, whatever the state of the others.
+    def measure(self) -> Reading:
+        """Measure, whatever state the motors are in.
 
-        Returns:
-            The angles they hold [rad]; None where none answered.
+        Raises:
+            PortGone: the port was unplugged.
         """
-        fresh, _ = self._cycle(None)
-        known = [block for block in self._blocks if block is not None]
-        if not any(fresh) or len(known) < len(fresh):
-            return None
-        counts = [
-            block.position if heard else block.goal
-            for block, heard in zip(known, fresh, strict=True)
-        ]
-        self._cycle(counts)
-        return self.angles(counts)
+        return self._cycle(None)[1]
+
+    def hold(self, goal: tuple[float | None, ...]) -> None:
+        """Send a goal [rad] to every motor that still responds; with None it keeps its goal.
+
+        Raises:
+            PortGone: the port was unplugged.
+        """
+        counts = self._zeros.to_counts([at or 0.0 for at in goal])
+        self._cycle([None if g is None else c for g, c in zip(goal, counts, strict=True)])
 
     def torque(self, on: bool) -> None:
         """Switch torque on or off; on only after the goal has arrived, with the watchdog last.
@@ -186,24 +196,9 @@ class ServoDrive:
             raise
         self._on = True
 
-    def zero(self) -> None:
-        """Make the present position the zero of every axis.
-
-        Raises:
-            LinkLost: a motor does not answer.
-        """
-        fresh, _ = self._cycle(None)
-        if not all(fresh):
-            raise LinkLost(
-                f"handle motor {self._name(fresh.index(False))} does not answer, so its zero is "
-                "not known",
-                "check cable and power",
-                recovery=("home",),
-                t=self.clock.now(),
-                axis=self.axes[fresh.index(False)],
-            )
-        self._zeros = [block.position if block else None for block in self._blocks]
-        self.limits = self._limited()
+    def zero(self, position: tuple[float, ...]) -> None:
+        """Make this position [rad] the zero of every axis."""
+        self._zeros.move(position)
 
     def close(self) -> None:
         """Switch torque off and close the port; a silent line is retried for `CLOSE_S`.
@@ -243,7 +238,7 @@ class ServoDrive:
         for index, handle in enumerate(self._handles):
             # Answers have no number: this one may have been to an older request.
             if self._link.read(handle.id, reg.TORQUE_ENABLE):
-                raise self._still_on(index)
+                raise servo_faults.still_on(self._who(index))
 
     def _set_up(self) -> None:
         """Set all motors up for cycles; torque off. Nothing is written before all are known."""
@@ -254,33 +249,40 @@ class ServoDrive:
             servo_setup.prepare(self._link, self.clock, handles, found, self._given_units)
         )
         self._units = tuple(motor.units for motor in self._motors)
-        self._step = self._steps()
+        self._count()
         self._offset = [inf] * len(self._handles)
-        fresh, _ = self._cycle(None)
+        self._start()
+
+    def _start(self) -> None:
+        """Take the positions from which zeros and whole turns are counted."""
+        seen: list[list[Sample]] = [[] for _ in self._handles]
+        for n in range(KEPT):
+            fresh, reading = self._cycle(None)
+            if n == 0 and not all(fresh):  # none has answered to a cycle so far
+                raise servo_faults.unread(self._who(fresh.index(False)))
+            for samples, block, heard in zip(seen, self._blocks, fresh, strict=True):
+                if block is not None and heard:
+                    samples.append(Sample(reading.t, block.position))
+        for index, (samples, handle) in enumerate(zip(seen, self._handles, strict=True)):
+            speed = handle.speed_rad_s / self.step_rad[index]
+            position = majority(samples, speed, 1.0)
+            if position is None:
+                counts = [int(sample.at) for sample in samples]
+                raise servo_faults.disagreeing(self._who(index), counts)
+            self._zeros.start(index, int(position))
         for index, block in enumerate(self._blocks):
-            if block is not None and fresh[index]:
-                self._keep_zero(index, block.position)
-        for index, block in enumerate(self._blocks):
-            if block is None or not fresh[index]:
-                raise LinkLost(
-                    f"handle motor {self._name(index)} does not answer to a sync read",
-                    "set its status return level to 2",
-                    recovery=("connect",),
-                    t=self.clock.now(),
-                    axis=self.axes[index],
-                )
-            self._check(index, block)
+            if block is not None:
+                self._check(index, block)
+
+    def _count(self) -> None:
+        """Count in the units of the motors."""
+        self._zeros.count([units.position_rad for units in self._units])
 
     def _identify(self) -> list[Identity]:
         handles = dict(zip(self.axes, self._handles, strict=True))
         return servo_setup.identify(self._link, self.clock, handles)
 
-    def _steps(self) -> tuple[float, ...]:
-        """Return the angle of each handle per count [rad]."""
-        rows = zip(self._handles, self._units, strict=True)
-        return tuple(handle.unit_rad(units.position_rad) for handle, units in rows)
-
-    def _cycle(self, goals: Sequence[int] | None) -> tuple[list[bool], Reading]:
+    def _cycle(self, goals: Sequence[int | None] | None) -> tuple[list[bool], Reading]:
         """Do one cycle; return which motors answered, and the reading."""
         self._refused = [False] * len(self._handles)
         found, sent_at, done_at = self._link.cycle(goals, self._accept)
@@ -331,43 +333,10 @@ class ServoDrive:
 
     def _check(self, index: int, block: Block) -> None:
         """Raise the fault that a block reports."""
-        tripped = self._on and block.watchdog == reg.TRIPPED
-        if not block.hardware_error and not tripped and bool(block.torque) == self._on:
-            return
-        name, axis, now = self._name(index), self.axes[index], self.clock.now()
-        known = [entry for bit, entry in reg.HARDWARE_ERRORS.items() if block.hardware_error & bit]
-        if block.hardware_error:
-            unknown = f"hardware error {block.hardware_error:#04x}", "see its maker's manual"
-            kind, what, first = known[0] if known else ("reset", *unknown)
-            raise DeviceFault(
-                f"handle motor {name} stopped: {what}",
-                first,
-                kind=kind,
-                recovery=RESUME,
-                t=now,
-                axis=axis,
-            )
-        if tripped:
-            raise DeviceFault(
-                f"handle motor {name} stopped by itself: it received no packet "
-                f"for {self._watchdog * reg.WATCHDOG_UNIT_S:g} s; it holds where it is",
-                "find out what delayed the program",
-                kind="watchdog",
-                recovery=RESUME,
-                t=now,
-                axis=axis,
-            )
-        if block.torque:
-            raise self._still_on(index)
-
-    def _still_on(self, index: int) -> LinkLost:
-        return LinkLost(
-            f"handle motor {self._name(index)} has torque though it was switched off",
-            "end any other program that drives it",
-            recovery=("clear_fault",),
-            t=self.clock.now(),
-            axis=self.axes[index],
-        )
+        watchdog_s = self._watchdog * reg.WATCHDOG_UNIT_S
+        fault = servo_faults.of_block(self._who(index), block, self._on, watchdog_s)
+        if fault is not None:
+            raise fault
 
     def _examine(self, index: int) -> None:
         """Find out why the blocks of a motor are not accepted."""
@@ -379,53 +348,14 @@ class ServoDrive:
         except LinkLost:
             return  # silent: the guard checks its age
         if restarted or switched_off:
-            what = "has restarted: its power was off for a moment, or it was rebooted"
-            if not restarted:
-                what = "was switched off by another program"
-            raise DeviceFault(
-                f"handle motor {self._name(index)} {what}",
-                "check plug and supply",
-                kind="reset",
-                recovery=RESUME,
-                t=self.clock.now(),
-                axis=self.axes[index],
-            )
-
-    def _keep_zero(self, index: int, position: int) -> None:
-        """Take the zero from the position where none is given, and count whole turns.
-
-        A motor forgets whole turns when it starts; after a restart it is where it last was.
-        """
-        zero, calibrated = self._zeros[index], self._calibrated[index]
-        known = self._known[index]
-        self._known[index] = position
-        if zero is None or calibrated is None:
-            self._zeros[index] = self._calibrated[index] = position
-            return
-        turned = reg.TURN * round((position - (zero if known is None else known)) / reg.TURN)
-        self._zeros[index], self._calibrated[index] = zero + turned, calibrated + turned
-
-    def _limited(self) -> Limits:
-        """Return the limits, counted from the present zeros."""
-        counted = zip(self._zeros, self._calibrated, self._step, strict=True)
-        moved = [((zero or 0) - (calibrated or 0)) * step for zero, calibrated, step in counted]
-        rows = list(zip(self._handles, moved, strict=True))
-        return Limits(
-            position_rad=tuple((h.range_rad[0] - m, h.range_rad[1] - m) for h, m in rows),
-            velocity_rad_s=tuple(h.speed_rad_s for h in self._handles),
-        )
-
-    def _counts(self, goal: tuple[float, ...]) -> list[int]:
-        rows = zip(goal, self._step, self._zeros, strict=True)
-        return [round(angle / step) + (zero or 0) for angle, step, zero in rows]
+            raise servo_faults.reset(self._who(index), restarted=restarted)
 
     def angles(self, counts: Sequence[int]) -> tuple[float, ...]:
         """Return the handle angles at these motor positions [rad]."""
-        rows = zip(counts, self._step, self._zeros, strict=True)
-        return tuple((count - (zero or 0)) * step for count, step, zero in rows)
+        return self._zeros.to_angles(counts)
 
-    def _name(self, index: int) -> str:
-        return f"{self._handles[index].id} ({self.axes[index]})"
+    def _who(self, index: int) -> Who:
+        return Who(self._handles[index].id, self.axes[index], self.clock.now())
 
 
 _NOTHING = Block(0, 0, 0, 0, 0, 0, 0, 0)

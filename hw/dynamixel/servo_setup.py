@@ -41,8 +41,8 @@ class Link(Protocol):
     def reboot(self, device: int) -> None:
         """Restart a motor."""
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Send all goals, read all blocks."""
+    def cycle(self, goals: Sequence[int | None] | None, accept: Accept) -> Cycle:
+        """Send the goals that are given, read all blocks."""
 
 
 class Identity(NamedTuple):

@@ -55,8 +55,8 @@ class DirectLink:
         """Restart a servo."""
         self._servo(device).reboot()
 
-    def cycle(self, goals: Sequence[int] | None, accept: Accept) -> Cycle:
-        """Set all goals and read all blocks.
+    def cycle(self, goals: Sequence[int | None] | None, accept: Accept) -> Cycle:
+        """Set the goals that are given and read all blocks.
 
         Raises:
             OverflowError: a goal is too large for its register.
@@ -65,9 +65,10 @@ class DirectLink:
         now = self._clock.now()
         for index, servo in enumerate(self._servos):
             servo.heard()
-            if goals is not None:
+            goal = goals[index] if goals is not None else None
+            if goal is not None:
                 try:
-                    data = reg.GOAL_POSITION.encode_signed(goals[index])
+                    data = reg.GOAL_POSITION.encode_signed(goal)
                     servo.write(reg.GOAL_POSITION.address, data)
                 except Refused:
                     pass  # visible in the block, as on a bus

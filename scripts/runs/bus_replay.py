@@ -106,26 +106,39 @@ def _replay(
         ) from None
     names = {handle.id: axis for axis, handle in handles.items()}
     drive = ServoDrive(Bus(port, port, names), port, handles, units)
+    stopped = False  # by a fault, after which the guard only measures and holds
     while port.index < len(exchanges):
         request = Parser().feed(exchanges[port.index].request)
         kind, data = request[-1].instruction, request[-1].parameters
         port.seek(port.index)
         try:
             if kind == Instruction.SYNC_READ:
-                yield drive.transfer(_goals(request, drive))
+                goals = _goals(request, drive, tuple(names))
+                sent = tuple(goal for goal in goals if goal is not None)
+                if sent and (stopped or len(sent) < len(goals)):
+                    drive.hold(goals)
+                elif stopped:
+                    yield drive.measure()
+                else:
+                    yield drive.transfer(sent or None)
             elif kind == Instruction.READ and data.startswith(_ENABLING):
                 drive.torque(True)
             elif kind == Instruction.WRITE and data.startswith(_DISABLING):
+                stopped = False
                 drive.torque(False)
             else:
                 port.index += 1  # of the set-up
         except DeviceFault:
-            drive.hold()  # as the guard did
+            stopped = True
         except HardwareError:
             continue  # raised in the run, too
 
 
-def _goals(request: list[Packet], drive: ServoDrive) -> tuple[float, ...] | None:
-    if len(request) == 1:
-        return None
-    return drive.angles([goal for _, goal in iter_unpack("<Bi", request[0].parameters[4:])])
+def _goals(
+    request: list[Packet], drive: ServoDrive, devices: tuple[int, ...]
+) -> tuple[float | None, ...]:
+    """Return the goal of each motor in a request [rad]; None for one without a goal."""
+    data = request[0].parameters[4:] if len(request) > 1 else b""
+    sent = dict(iter_unpack("<Bi", data))
+    angles = drive.angles([sent.get(device, 0) for device in devices])
+    return tuple(a if d in sent else None for a, d in zip(angles, devices, strict=True))

@@ -48,6 +48,7 @@ class BenchDrive:
 
     def __init__(self) -> None:
         self.axes: tuple[str, ...] = AXES
+        self.step_rad = (self.STEP_RAD, self.STEP_RAD)
         # Different on every side, so that a swapped axis or sign shows.
         self.limits = Limits(position_rad=((-2.0, 1.0), (-0.8, 1.5)), velocity_rad_s=(3.0, 1.5))
         self.clock: Clock = HandClock()
@@ -83,13 +84,14 @@ class BenchDrive:
         """Round to whole steps."""
         return tuple(round(g / self.STEP_RAD) * self.STEP_RAD for g in goal)
 
-    def hold(self) -> tuple[float, ...] | None:
-        """Make the goal where the handles are, unless nobody answers."""
-        reading = self.transfer(None)
-        if not reading.fresh:
-            return None
-        self.transfer(reading.position)
-        return reading.position
+    def measure(self) -> Reading:
+        """Measure."""
+        return self.transfer(None)
+
+    def hold(self, goal: tuple[float | None, ...]) -> None:
+        """Take the goals that are given."""
+        kept = zip(goal, self._goal, self._zero, strict=True)
+        self.transfer(tuple(g - z if at is None else at for at, g, z in kept))
 
     def recover(self) -> None:
         """Torque off."""
@@ -100,10 +102,9 @@ class BenchDrive:
         self._catch_up()
         self.on = on
 
-    def zero(self) -> None:
-        """Count from here."""
-        self._catch_up()
-        self._zero = self.quantise(self.handle)
+    def zero(self, position: tuple[float, ...]) -> None:
+        """Count from there."""
+        self._zero = self.quantise(tuple(p + z for p, z in zip(position, self._zero, strict=True)))
 
     def close(self) -> None:
         """Torque off."""

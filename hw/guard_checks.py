@@ -1,0 +1,156 @@
+"""What a guard checks: the values of commands; that answers come, goals arrive, handles follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from endolock.hw.api import Command, CommandError, DeviceFault, LinkLost
+from endolock.hw.drive import Reading
+from endolock.hw.errors import RESUME
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardSettings:
+    """Thresholds of a guard."""
+
+    following_error_rad: float = 0.5
+    """Largest distance of a handle from its goal [rad]. Assumed: at full speed a servo lags by
+    0.1 rad, and a blocked handle is off by 0.5 rad after 0.15 s."""
+    following_time_s: float = 0.2
+    """A larger distance for longer than this [s] is a fault. Assumed."""
+    max_age_s: float = 0.1
+    """The link counts as lost after this time without a fresh state [s]. Assumed."""
+    max_slew_step_s: float = 0.1
+    """After a pause the goal moves at most as far as it may within this time [s]. Assumed."""
+
+
+class Checks:
+    """Checks of the readings of one guard.
+
+    Args:
+        axes: names of the axes.
+        settings: thresholds.
+    """
+
+    def __init__(self, axes: Sequence[str], settings: GuardSettings) -> None:
+        self._axes, self._settings = tuple(axes), settings
+        self.restart(0.0)
+
+    def restart(self, now: float) -> None:
+        """Begin at `now` [s]: all times of checks are counted from there."""
+        self._fresh_at = self._taken_at = now
+        self._off_since: list[float | None] = [None] * len(self._axes)
+        self._unanswered = 0
+
+    def age(self, reading: Reading, now: float) -> None:
+        """Check that answers come.
+
+        Raises:
+            LinkLost: none came for longer than allowed.
+        """
+        self._unanswered = 0 if reading.fresh else self._unanswered + 1
+        if reading.fresh:
+            self._fresh_at = now
+        # A single missing answer is no loss, however long ago the one before was.
+        elif self._unanswered > 1 and now - self._fresh_at > self._settings.max_age_s:
+            who = " and ".join(reading.silent) or "the handles"
+            raise LinkLost(
+                f"no answer from {who} for {now - self._fresh_at:.3f} s; the goal is frozen",
+                "check cable and power",
+                recovery=RESUME,
+                t=now,
+                axis=reading.silent[0] if reading.silent else None,
+            )
+
+    def taken(self, reading: Reading, sent: tuple[float, ...], now: float) -> None:
+        """Check that goals arrive, where the motors report theirs.
+
+        Args:
+            reading: as measured.
+            sent: the goals sent, as the motors represent them [rad].
+            now: the time [s].
+
+        Raises:
+            LinkLost: none arrived for longer than allowed, though the motors answer.
+        """
+        if reading.goal is None or reading.goal == sent:
+            self._taken_at = now
+        elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
+            pairs = zip(self._axes, reading.goal, sent, strict=True)
+            axis = next(axis for axis, has, goal in pairs if has != goal)
+            raise LinkLost(
+                f"no goal reached {axis} for {now - self._taken_at:.3f} s, though it answers; the "
+                "goal is frozen",
+                "check the cable",
+                recovery=RESUME,
+                t=now,
+                axis=axis,
+            )
+
+    def following(self, reading: Reading, goal: Sequence[float], now: float) -> None:
+        """Check that the handles follow their goals.
+
+        Args:
+            reading: as believed.
+            goal: their goals [rad].
+            now: the time [s].
+
+        Raises:
+            DeviceFault: one is too far from its goal, for too long.
+        """
+        settings = self._settings
+        for i, axis in enumerate(self._axes):
+            error = goal[i] - reading.position[i]
+            if abs(error) <= settings.following_error_rad:
+                self._off_since[i] = None
+                continue
+            since = self._off_since[i]
+            if since is None:
+                self._off_since[i] = now
+            elif now - since > settings.following_time_s:
+                raise DeviceFault(
+                    f"handle {axis} is {error:+.2f} rad from its goal for more than "
+                    f"{settings.following_time_s:g} s; the goal is frozen where it stands",
+                    "free the handle",
+                    recovery=RESUME,
+                    kind="following",
+                    t=now,
+                    axis=axis,
+                )
+
+
+def values(command: Command, axes: Sequence[str], now: float) -> tuple[float, ...]:
+    """Return the position that a command asks for [rad].
+
+    Args:
+        command: as given.
+        axes: names of the axes.
+        now: the time [s].
+
+    Raises:
+        CommandError: it has a wrong length, is not finite, or does not expire.
+    """
+    position = tuple(float(p) for p in command.position)
+    if len(position) != len(axes):
+        raise CommandError(
+            f"command has {len(position)} positions",
+            f"give {len(axes)}: {', '.join(axes)}",
+            t=now,
+        )
+    for axis, value in zip(axes, position, strict=True):
+        if not isfinite(value):
+            raise CommandError(
+                f"command for {axis} is {value}",
+                "give a finite angle in rad (the previous goal stays)",
+                t=now,
+                axis=axis,
+            )
+    if not 0 < command.valid_for < inf:
+        raise CommandError(
+            f"command is valid for {command.valid_for} s",
+            "give a finite time of more than 0 (the previous goal stays)",
+            t=now,
+        )
+    return position
