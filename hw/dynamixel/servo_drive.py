@@ -15,11 +15,11 @@ from typing import Any
 from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost
 from endolock.hw.confirmed import KEPT, Sample, majority
 from endolock.hw.drive import Reading
+from endolock.hw.dynamixel import motor_faults, servo_setup
 from endolock.hw.dynamixel import registers as reg
-from endolock.hw.dynamixel import servo_faults, servo_setup
 from endolock.hw.dynamixel.handle import Handle
+from endolock.hw.dynamixel.motor_faults import Who
 from endolock.hw.dynamixel.registers import Block, Register, Units
-from endolock.hw.dynamixel.servo_faults import Who
 from endolock.hw.dynamixel.servo_setup import Identity, Link, Prepared
 from endolock.hw.dynamixel.zeros import Zeros
 from endolock.hw.errors import add_second
@@ -238,7 +238,7 @@ class ServoDrive:
         for index, handle in enumerate(self._handles):
             # Answers have no number: this one may have been to an older request.
             if self._link.read(handle.id, reg.TORQUE_ENABLE):
-                raise servo_faults.still_on(self._who(index))
+                raise motor_faults.still_on(self._who(index))
 
     def _set_up(self) -> None:
         """Set all motors up for cycles; torque off. Nothing is written before all are known."""
@@ -259,7 +259,7 @@ class ServoDrive:
         for n in range(KEPT):
             fresh, reading = self._cycle(None)
             if n == 0 and not all(fresh):  # none has answered to a cycle so far
-                raise servo_faults.unread(self._who(fresh.index(False)))
+                raise motor_faults.unread(self._who(fresh.index(False)))
             for samples, block, heard in zip(seen, self._blocks, fresh, strict=True):
                 if block is not None and heard:
                     samples.append(Sample(reading.t, block.position))
@@ -268,7 +268,7 @@ class ServoDrive:
             position = majority(samples, speed, 1.0)
             if position is None:
                 counts = [int(sample.at) for sample in samples]
-                raise servo_faults.disagreeing(self._who(index), counts)
+                raise motor_faults.disagreeing(self._who(index), counts)
             self._zeros.start(index, int(position))
         for index, block in enumerate(self._blocks):
             if block is not None:
@@ -334,7 +334,7 @@ class ServoDrive:
     def _check(self, index: int, block: Block) -> None:
         """Raise the fault that a block reports."""
         watchdog_s = self._watchdog * reg.WATCHDOG_UNIT_S
-        fault = servo_faults.of_block(self._who(index), block, self._on, watchdog_s)
+        fault = motor_faults.of_block(self._who(index), block, self._on, watchdog_s)
         if fault is not None:
             raise fault
 
@@ -348,7 +348,7 @@ class ServoDrive:
         except LinkLost:
             return  # silent: the guard checks its age
         if restarted or switched_off:
-            raise servo_faults.reset(self._who(index), restarted=restarted)
+            raise motor_faults.reset(self._who(index), restarted=restarted)
 
     def angles(self, counts: Sequence[int]) -> tuple[float, ...]:
         """Return the handle angles at these motor positions [rad]."""
