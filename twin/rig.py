@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from math import ceil, floor, inf, isfinite
+from math import floor, inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from endolock.twin.model import scene
 from endolock.twin.physics import motor
 from endolock.twin.physics.plant import TwinPlant
 from endolock.twin.pose_tracker import TwinPoseTracker
+from endolock.twin.simulated_clock import SimulatedClock
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario, load
 from endolock.vision import camera_model
@@ -41,29 +42,6 @@ of the tip camera. They are for viewing only."""
 SHARP_PX = 1.0
 """Largest motion during an exposure for which a picture is drawn only once [px]; the average of
 several would differ by a fraction of a pixel. Assumed."""
-
-
-class TwinClock:
-    """Simulated time: sleeping advances the twin.
-
-    Args:
-        rig: the rig to advance.
-        timestep_s: grid of the physics [s].
-    """
-
-    realtime = False
-
-    def __init__(self, rig: TwinRig, timestep_s: float) -> None:
-        self._rig, self.timestep_s = rig, timestep_s
-
-    def now(self) -> float:
-        """Return the time since the rig was created [s]."""
-        return self._rig.plant.t
-
-    def sleep_until(self, t: float) -> float:
-        """Advance to the first grid point at or after `t` [s] and return its time."""
-        self._rig.advance(ceil(t / self.timestep_s - 1e-6))
-        return self.now()
 
 
 class TwinRig(ClosingRig):
@@ -100,7 +78,7 @@ class TwinRig(ClosingRig):
         self.scenario, self.pictures = load(scenario), pictures
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
         self.plant = TwinPlant(self.scenario, instrument, self._numerics, seed)
-        self.clock = TwinClock(self, self.plant.timestep_s)
+        self.clock = SimulatedClock(self.plant, self.plant.timestep_s, self.advance)
         self.servos = motor.servos(self.plant, self.clock.now)
         self.instrument = made = self.plant.instrument
         link = DirectLink(self.servos, self.clock)
@@ -198,7 +176,12 @@ class TwinRig(ClosingRig):
 
     def close(self) -> None:
         """Switch the handles off and release the OpenGL context; may be called twice."""
-        close_all(self.actuators.close, self._darkroom.shutdown, self._renderer.close)
+        close_all(
+            self.actuators.close,
+            self._darkroom.shutdown,
+            self._renderer.close,
+            self.clock.stop,
+        )
         self._closed = True
 
     def _look(self) -> None:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,12 @@ from endolock.hw import boards
 from endolock.hw.api import AXES, ConfigError, Limits
 from endolock.hw.drive import Reading
 from endolock.hw.guard import Guard
-from endolock.hw.lifecycle import ClosingRig
+from endolock.hw.lifecycle import ClosingRig, close_all
 from endolock.twin.arguments import CLOSED, parameters, seed_of
 from endolock.twin.camera import renderer
 from endolock.twin.ground_truth import TwinTruth
 from endolock.twin.physics.surrogate_plant import TIMESTEP_S, SurrogatePlant, Transmission
+from endolock.twin.simulated_clock import SimulatedClock
 from endolock.twin.world.fitted_plays import plays_of
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario, load
@@ -67,8 +67,8 @@ class SurrogateRig(ClosingRig):
         _check(self.scenario)
         transmission = transmission or plays_of(made, self.scenario.shaft_bend_deg)
         self.board = boards.aimed(self.scenario.board.kind, self.scenario.board.target)
-        self.clock = SurrogateClock(self)
         self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
+        self.clock = SimulatedClock(self.plant, TIMESTEP_S, self.advance)
         self.actuators: Guard = Guard(SurrogateDrive(self.plant, self.clock, made))
         video = self.scenario.camera
         self.camera = renderer.tip_camera(video, self.clock, seed)
@@ -105,31 +105,8 @@ class SurrogateRig(ClosingRig):
 
     def close(self) -> None:
         """Switch the handles off; may be called twice."""
-        self.actuators.close()
+        close_all(self.actuators.close, self.clock.stop)
         self._closed = True
-
-
-class SurrogateClock:
-    """Simulated time on a grid of `TIMESTEP_S`.
-
-    Args:
-        rig: the rig to advance.
-    """
-
-    realtime = False
-    timestep_s = TIMESTEP_S
-
-    def __init__(self, rig: SurrogateRig) -> None:
-        self._rig = rig
-
-    def now(self) -> float:
-        """Return the time since the rig was created [s]."""
-        return self._rig.plant.t
-
-    def sleep_until(self, t: float) -> float:
-        """Advance to the first grid point at or after `t` [s] and return its time."""
-        self._rig.advance(ceil(t / TIMESTEP_S - 1e-6))
-        return self._rig.plant.t
 
 
 class SurrogateDrive:
@@ -144,7 +121,7 @@ class SurrogateDrive:
     axes: tuple[str, ...] = AXES
 
     def __init__(
-        self, plant: SurrogatePlant, clock: SurrogateClock, instrument: Instrument
+        self, plant: SurrogatePlant, clock: SimulatedClock, instrument: Instrument
     ) -> None:
         self.clock = clock
         self._plant, self._instrument = plant, instrument
