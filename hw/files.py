@@ -21,6 +21,16 @@ from endolock.hw.strict import shown
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls an unknown key, in models and in dataclasses."""
 
+_TYPES = {
+    "float_type": "give a number, without quotes",
+    "int_type": "give a whole number, without quotes or decimals",
+    "bool_type": "give true or false, without quotes",
+    "string_type": "give a text in quotes",
+    "finite_number": "give a finite number",
+    "tuple_type": "give an array, such as [0.0, 1.0]",
+}
+"""What to do about a value of the wrong type, by what pydantic calls it."""
+
 
 class Section(BaseModel):
     """Values of one part of a file: frozen, finite, unknown keys refused."""
@@ -185,7 +195,8 @@ def _explained(problem: Any, where: str) -> tuple[str, str]:
         return "there may be several", f"write [[{where}]]"
     if kind == "model_type" and isinstance(value, list | tuple):
         return "there is only one", f"write [{where}]"
-    return f"{problem['msg'].replace('Input should be', 'should be')}, got {shown(value)}", ""
+    what = f"{problem['msg'].replace('Input should be', 'should be')}, got {shown(value)}"
+    return what, _TYPES.get(kind, "")
 
 
 def _models(folder: str) -> Any:

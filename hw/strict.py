@@ -8,9 +8,9 @@ An integer may stand for a real number; true, "640" or 1.0 for an integer may no
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -18,12 +18,14 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    create_model,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
 
 from endolock.hw.errors import ConfigError
 
+Kind = TypeVar("Kind")
 AnyPath = Annotated[Path, Field(strict=False)]
 """A path, which files give as text."""
 
@@ -44,6 +46,22 @@ class Strict(BaseModel):
 def frozen(value: Any) -> Any:
     """Return an array of a file as a tuple, and so all arrays in it; other values as they are."""
     return tuple(frozen(part) for part in value) if isinstance(value, list | tuple) else value
+
+
+def strictly(kind: type[Kind], values: Any) -> Kind:
+    """Make an object of a dataclass from the values of a file, believed as those of `Strict`.
+
+    Args:
+        kind: the dataclass.
+        values: what the file says.
+
+    Raises:
+        ValidationError: they are not believed.
+    """
+    hints, parts = get_type_hints(kind, include_extras=True), fields(cast(Any, kind))
+    rows: Any = {p.name: (hints[p.name], ... if p.default is MISSING else p.default) for p in parts}
+    model = create_model(kind.__name__, __base__=Strict, **rows)
+    return kind(**dict(model.model_validate(values)))
 
 
 @dataclass(frozen=True)

@@ -16,36 +16,62 @@ from __future__ import annotations
 
 from math import pi
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Any, Self
 
 import tomli_w
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ValidationError, field_validator, model_validator
 
 from endolock.hw import boards, files
 from endolock.hw.api import AXES, Calibration, ConfigError
 from endolock.hw.camera import camera_file
+from endolock.hw.camera.video_camera import TIMEOUT_S
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import BAUDS
-from endolock.hw.files import Section
+from endolock.hw.strict import AnyPath, Strict, bounded, shown
 
 DEFAULT_FILE = Path("bench.toml")
 """The bench file used where none is given, if it exists."""
 
 
-class BenchCamera(Section):
+class BenchCamera(Strict):
     """The camera at the tip and its video chain."""
 
     source: int | str = 0
     """Number or path of a video device, address of a stream, or a video file."""
-    calibration: Path | None = None
+    calibration: AnyPath | None = None
     """From `endolock calibrate`; relative to the folder of the bench file. None: a pinhole of
     640x480 px with f = 262 px, assumed."""
-    latency_s: float = Field(default=0.4, ge=0)
+    latency_s: Annotated[float, bounded(0, 10, "s", hint="give seconds, not milliseconds")] = 0.4
     """Exposure to delivery [s], from `endolock latency`. Source of the default: the loop latency in
     thesis ch. 7; all of it in the video chain: assumed."""
-    frame_rate_hz: float | None = Field(default=None, gt=0)
+    frame_rate_hz: Annotated[float, bounded(0.1, 1000, "Hz")] | None = None
     """Requested from the device [Hz]; None: its default."""
+    video_timeout_s: Annotated[float, bounded(2, 600, "s")] = TIMEOUT_S
+    """A run ends if no picture comes for this time [s]. The handles hold from 2 s on, and go on if
+    pictures come again."""
+
+    @field_validator("source", mode="before")
+    @classmethod
+    def _named(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            good = bool(value) and value.isprintable()
+        else:
+            good = isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 100
+        if good:
+            return value
+        raise ConfigError(
+            f"got {shown(value)}",
+            "give the number (0 to 99) or path of a video device, the address of a stream, or a "
+            "video file",
+        )
+
+    @field_validator("calibration", mode="before")
+    @classmethod
+    def _file(cls, value: Any) -> Any:
+        if value is None or isinstance(value, Path) or (isinstance(value, str) and value):
+            return value
+        raise ConfigError(f"got {shown(value)}", 'give a file in quotes, such as "camera.toml"')
 
     def geometry(self) -> Calibration:
         """Return the camera's geometry.
@@ -58,14 +84,14 @@ class BenchCamera(Section):
         return camera_file.read(self.calibration)
 
 
-class Handles(Section):
+class Handles(Strict):
     """Both handles."""
 
     up_down: Handle = Handle(id=1)
     left_right: Handle = Handle(id=2)
 
 
-class Bench(Section):
+class Bench(Strict):
     """A bench; the defaults fit two motors set up by `endolock doctor`."""
 
     baud: int = DEFAULT_BAUD

@@ -67,6 +67,7 @@ class SerialRig(ClosingRig):
                 self.clock,
                 latency_s=self.latency_s,
                 frame_rate_hz=made.camera.frame_rate_hz,
+                timeout_s=made.camera.video_timeout_s,
             )
         except ConfigError as error:
             self.camera = AbsentCamera(error)

@@ -8,40 +8,55 @@ from __future__ import annotations
 
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import tomli_w
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from endolock.hw import files
 from endolock.hw.api import Calibration, ConfigError
+from endolock.hw.camera import plausible_camera
+from endolock.hw.camera.plausible_camera import AGAIN
+from endolock.hw.strict import shown, strictly
 
-AGAIN = "make one with endolock calibrate"
+KEYS = tuple(field.name for field in fields(Calibration))
 
 
 def read(path: Path) -> Calibration:
     """Read a calibration.
 
     Raises:
-        ConfigError: the file cannot be read, or is not a calibration.
+        ConfigError: the file cannot be read, or is not a calibration that can be true.
     """
-    data = files.read_toml(path, "calibration", AGAIN)
-    values = data.get("calibration", data)
-    known = {field.name for field in fields(Calibration)}
-    if unknown := set(values) - known:
+    if path.suffix.lower() in (".yaml", ".yml", ".json", ".xml"):
         raise ConfigError(
-            f"calibration {path}: unknown key {min(unknown)}",
-            f"use {', '.join(sorted(known))}",
+            f"calibration {path} is not a TOML file",
+            f"{AGAIN}, or write a TOML file with {', '.join(KEYS[:4])} and the other keys of it",
         )
+    data = files.read_toml(path, "calibration", AGAIN)
+    return checked(data.get("calibration", data), str(path))
+
+
+def checked(values: Any, source: str) -> Calibration:
+    """Make a calibration of the values of a file.
+
+    Args:
+        values: what the file says.
+        source: what is read, for people.
+
+    Raises:
+        ConfigError: they are not a calibration that can be true.
+    """
+    if not isinstance(values, dict):
+        raise ConfigError(f"calibration {source}: calibration is {shown(values)}", AGAIN)
     try:
-        found = TypeAdapter(Calibration).validate_python(values)
+        found = strictly(Calibration, values)
+        plausible_camera.check(found)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"calibration {path}: {key}: {first['msg']}", AGAIN) from None
-    good = min(found.width, found.height, found.focal_px, found.aspect) > 0
-    if not good or not np.isfinite([found.focal_px, *found.centre_px, *found.distortion]).all():
-        raise ConfigError(f"calibration {path}: sizes and focal length must be above 0", AGAIN)
+        what, next_step = files.first_problem(error, lambda _: list(KEYS))
+        raise ConfigError(f"calibration {source}: {what}", next_step or AGAIN) from None
+    except ConfigError as error:
+        raise ConfigError(f"calibration {source}: {error.what}", error.next_step) from None
     return found
 
 
@@ -49,6 +64,7 @@ def write(calibration: Calibration, path: Path) -> None:
     """Write a calibration, whole or not at all.
 
     Raises:
-        ConfigError: it cannot be written.
+        ConfigError: it cannot be written, or cannot be true.
     """
+    plausible_camera.check(calibration)
     files.write_whole(path, tomli_w.dumps(asdict(calibration)), "give another file")

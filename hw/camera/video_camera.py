@@ -6,41 +6,58 @@ ones. A thread therefore reads every picture at once and keeps the last.
 
 from __future__ import annotations
 
-import sys
-from contextlib import suppress
+import atexit
+import signal
 from math import inf
 from pathlib import Path
 from threading import Event, Lock, Thread
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
+from endolock.hw.api import Calibration, Clock, ConfigError, Frame, HardwareError, Image
+from endolock.hw.camera import picture_source
+from endolock.hw.camera.picture_source import PictureSource
+from endolock.hw.camera.picture_source import devices as devices
 
 FIRST_PICTURE_S = 5.0
 """Longest wait for the first picture [s]. Assumed."""
-SILENT_S = 10.0
-"""A stream that sends nothing for this time has ended [s]. Source: OpenCV's time-out of devices."""
-BUFFERS = 2
-"""Buffers of a driver: one is filled while the other is decoded. OpenCV returns a buffer only after
-decoding, so with a single one the next picture is lost. Source: OpenCV's cap_v4l.cpp."""
+TIMEOUT_S = 10.0
+"""Without a picture for this time the video is given up [s]. Assumed: longer than a stream takes to
+recover from a lost link, shorter than anyone leaves an endoscope under torque unwatched."""
+REOPEN_S = 1.5
+"""A live source that has ended must give a picture again within this time [s]. Assumed: a run must
+not stand longer than 2 s without a word."""
 FAILURES = 10
 """A source has ended after this number of failed grabs in a row. Assumed."""
 RETRY_S = 0.02
 """Pause after a failed grab [s]. Assumed."""
-CLOSE_S = 1.0
-"""Closing waits at most this time for a grab in progress [s]. Assumed."""
-NAMES = Path("/sys/class/video4linux")
-"""Folder in which Linux gives the names of video devices."""
+AGAIN_S = 0.1
+"""Pause before a source is opened again [s]. Assumed."""
+CLOSE_S = picture_source.SILENT_S + 1.0
+"""Closing waits at most this time for a grab in progress [s]: it ends after `SILENT_S`."""
+
+
+class Ending(NamedTuple):
+    """Why no picture comes."""
+
+    t: float
+    """When that was found [s]."""
+    what: str
+    """The reason, for people."""
+    final: bool
+    """Whether no other can come, so that nothing is tried any more."""
 
 
 class VideoCamera:
     """Keeps the newest picture of a source that a thread reads continuously.
 
     A picture is stamped t_available = the clock's time right after its grab, and t_capture =
-    t_available - latency. A source that ends, is unplugged or freezes raises nothing: `latest`
-    keeps returning the last frame, whose age shows it, and `ended` is true if no other can come.
-    OpenCV's warnings are disabled for the whole process: all that matter are raised here.
+    t_available - latency. A source that freezes raises nothing at first: `latest` returns the last
+    frame, whose age shows it. A device or stream that has ended or fallen silent is opened again
+    and again, but may end only once within `timeout_s`. OpenCV's warnings are disabled for the
+    whole process: all that matter are raised here.
 
     Args:
         source: a device (0 or /dev/video0), the address of a stream (http://, rtsp://) or a video
@@ -49,6 +66,7 @@ class VideoCamera:
         clock: a wall clock; stamps the pictures.
         latency_s: capture to delivery [s], >= 0. Source: endolock latency.
         frame_rate_hz: requested from a device [Hz]; 30 if None, OpenCV's default.
+        timeout_s: without a picture for this time, `latest` raises [s].
 
     Raises:
         ConfigError: the source cannot be opened, gives no picture, or one of another size.
@@ -62,12 +80,15 @@ class VideoCamera:
         *,
         latency_s: float,
         frame_rate_hz: float | None = None,
+        timeout_s: float = TIMEOUT_S,
     ) -> None:
         self._source = str(source)
         self._calibration, self._clock = calibration, clock
         self._latency_s, self._frame_rate_hz = latency_s, frame_rate_hz
+        self._timeout_s = timeout_s
         self._newest: tuple[int, float, Image] | None = None  # replaced as a whole: needs no lock
         self._frame: Frame | None = None
+        self._ending: Ending | None = None  # replaced as a whole too
         self._asking = Lock()
         self._stop, self._settled = Event(), Event()
         self._refusal = (
@@ -77,6 +98,7 @@ class VideoCamera:
         quiet = min(cv2.utils.logging.getLogLevel(), cv2.utils.logging.LOG_LEVEL_ERROR)
         cv2.utils.logging.setLogLevel(quiet)
         self._thread = Thread(target=self._run, name=f"video {source}", daemon=True)
+        atexit.register(self._leave)
         self._thread.start()
         self._settled.wait(FIRST_PICTURE_S)
         if self._newest is None:
@@ -90,7 +112,7 @@ class VideoCamera:
 
     @property
     def ended(self) -> bool:
-        """Whether no other picture can come: closed, at the end of the file, or unplugged."""
+        """Whether no other picture can come: closed, at the end of a file, or ended twice."""
         return not self._thread.is_alive()
 
     def latest(self) -> Frame | None:
@@ -99,6 +121,11 @@ class VideoCamera:
         It is `repeated` if its picture equals that of the previously returned frame, bit for bit.
         Pictures skipped between the two do not count, so that a video chain which doubles every
         picture still delivers new ones.
+
+        Raises:
+            HardwareError: the last frame has been returned before, and the source has ended or
+                changed its size `REOPEN_S` ago, or gave no picture for `timeout_s`; raised again
+                until a picture comes.
         """
         with self._asking:
             newest, before = self._newest, self._frame
@@ -115,78 +142,98 @@ class VideoCamera:
                     dropped=seq - 1 - (before.seq if before else -1),
                     repeated=old is not None and np.array_equal(image, old),
                 )
+            elif newest is not None and not self._stop.is_set():
+                self._check(newest[1])
             return self._frame
 
     def close(self) -> None:
         """Close the source; may be called twice.
 
-        A grab that hangs is not waited for; it ends by itself within `SILENT_S`.
+        Waits for a grab in progress, which on a silent stream takes up to `CLOSE_S`.
         """
         self._stop.set()
         self._thread.join(CLOSE_S)
+        if self.ended:
+            atexit.unregister(self._leave)
+
+    def _leave(self) -> None:
+        """Close it as Python exits, which would abort if the thread woke up in OpenCV later."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self.close()
+
+    def _check(self, t: float) -> None:
+        """Raise if no picture can be expected after the one at `t` [s]."""
+        now, ending = self._clock.now(), self._ending
+        if ending is not None and (ending.final or now - ending.t > REOPEN_S):
+            raise HardwareError(
+                f"the video ended: {self._source} {ending.what}",
+                "check the camera and its cable or network",
+                t=now,
+            )
+        if now - t > self._timeout_s:
+            raise HardwareError(
+                f"the video stopped: {self._source} gave no picture for {self._timeout_s:g} s",
+                "check the camera and its cable or network",
+                t=now,
+            )
 
     def _run(self) -> None:
         """Open, read and release the source, all in this thread: OpenCV must not be shared."""
-        path = self._source
-        device = path.isdecimal() or (path.startswith("/dev/") and not Path(path).is_file())
-        live = device or "://" in path
-        reader = self._device() if device else self._stream()
+        size = self._calibration.width, self._calibration.height
+        seq, ended_at = 0, -inf
         try:
-            rate_hz = inf if live else reader.get(cv2.CAP_PROP_FPS)
-            if reader.isOpened() and rate_hz > 0:
-                self._drain(reader, 1 / rate_hz)
-            elif device:
-                self._refusal = (
-                    f"cannot open camera {path}; cameras here: {', '.join(devices()) or 'none'}",
-                    "plug it in or give another one",
-                )
-            else:
-                self._refusal = (
-                    f"cannot open {path} as a video",
-                    "give a camera such as /dev/video0, the address of a stream or a video file",
-                )
+            while not self._stop.is_set():
+                source = PictureSource(self._source, size, self._frame_rate_hz)
+                try:
+                    opened = source.opened
+                    if opened:
+                        seq = self._drain(source, seq)
+                finally:
+                    source.release()
+                if self._newest is None:
+                    if not opened:
+                        self._refusal = _unopened(self._source, source.device)
+                    return
+                if not opened:
+                    self._miss("cannot be opened again")
+                elif not source.live:
+                    return
+                elif self._ending is not None and self._ending.t > ended_at:
+                    before, ended_at = ended_at, self._ending.t
+                    if ended_at - before < self._timeout_s:
+                        self._miss(f"ended twice within {self._timeout_s:g} s", final=True)
+                        return
+                self._stop.wait(AGAIN_S)
         finally:
-            reader.release()
             self._settled.set()
 
-    def _device(self) -> cv2.VideoCapture:
-        """Open a device and request its settings; its pictures show whether it has them."""
-        api = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
-        if self._source.isdecimal():
-            reader = cv2.VideoCapture(int(self._source), api)
-        else:
-            reader = cv2.VideoCapture(self._source, api)
-        reader.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
-        reader.set(cv2.CAP_PROP_FRAME_WIDTH, self._calibration.width)
-        reader.set(cv2.CAP_PROP_FRAME_HEIGHT, self._calibration.height)
-        if self._frame_rate_hz is not None:
-            reader.set(cv2.CAP_PROP_FPS, self._frame_rate_hz)
-        reader.set(cv2.CAP_PROP_BUFFERSIZE, BUFFERS)
-        return reader
+    def _drain(self, source: PictureSource, seq: int) -> int:
+        """Keep the newest picture until the source ends; return the number of the next one.
 
-    def _stream(self) -> cv2.VideoCapture:
-        """Open a stream or a file.
-
-        One thread decodes: FFmpeg delays by one picture for each further thread, so the latency
-        would depend on the computer. Eight add 280 ms at 25 Hz, measured on an MPEG-4 stream.
+        A file waits a period before each picture.
         """
-        wait_ms = round(1e3 * SILENT_S)
-        options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, wait_ms]
-        options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, wait_ms, cv2.CAP_PROP_N_THREADS, 1]
-        return cv2.VideoCapture(self._source, cv2.CAP_FFMPEG, options)
-
-    def _drain(self, reader: cv2.VideoCapture, period_s: float) -> None:
-        """Keep the newest picture until the source ends; a file waits a period before each."""
         width, height = self._calibration.width, self._calibration.height
-        start, seq, failures = self._clock.now(), 0, 0
-        while failures < FAILURES and self._wait_until(start + seq * period_s):
-            if not reader.grab():
+        start, first, failures = self._clock.now(), seq, 0
+        while self._wait_until(start + (seq - first) * source.period_s):
+            asked = self._clock.now()
+            good = source.grab()
+            t = self._clock.now()
+            if not good:
                 failures += 1
+                if source.live and t - asked > picture_source.SILENT_S / 2:
+                    return seq  # silent; whether it is gone, opening it again will show
+                if failures == FAILURES:
+                    self._miss("gives no more pictures", final=not source.live)
+                    return seq
                 self._stop.wait(RETRY_S)
                 continue
-            t, picture = self._clock.now(), _decoded(reader)
+            if source.restarted():
+                self._miss("began anew, perhaps in another size", final=not source.live)
+                return seq
+            picture, failures = source.picture(), 0
             if picture is not None and picture.shape == (height, width, 3):
                 self._newest = seq, t, picture
+                self._ending = None
                 self._settled.set()
             elif picture is not None and self._newest is None:
                 self._refusal = (
@@ -194,8 +241,19 @@ class VideoCamera:
                     f"its calibration is for {width}x{height}",
                     "set it to that size, or calibrate it as it is with endolock calibrate",
                 )
-                return
-            seq, failures = seq + 1, 0
+                return seq
+            elif picture is not None:
+                self._miss(
+                    f"now gives pictures of {picture.shape[1]}x{picture.shape[0]} px instead of "
+                    f"{width}x{height} px"
+                )
+            seq += 1
+        return seq
+
+    def _miss(self, what: str, final: bool = False) -> None:
+        """Note why no picture comes, unless the reason is known already."""
+        if self._ending is None or (final and not self._ending.final):
+            self._ending = Ending(self._clock.now(), what, final)
 
     def _wait_until(self, t: float) -> bool:
         """Sleep until `t` [s] in short steps; return False once it is closed."""
@@ -204,25 +262,14 @@ class VideoCamera:
         return not self._stop.is_set()
 
 
-def devices(root: Path = Path("/dev")) -> list[str]:
-    """List the video devices of this computer, with their names on Linux.
-
-    A camera may have several; only the first gives pictures.
-    """
-    found = sorted(root.glob("video[0-9]*"), key=lambda path: (len(path.name), path.name))
-    return [str(path) + _name(path.name) for path in found]
-
-
-def _name(device: str) -> str:
-    """Return the name of a device in brackets, or nothing."""
-    with suppress(OSError, UnicodeDecodeError):
-        return f" ({(NAMES / device / 'name').read_text(encoding='utf-8').strip()})"
-    return ""
-
-
-def _decoded(reader: cv2.VideoCapture) -> Image | None:
-    """Decode the picture just grabbed, blue first; None if it is damaged."""
-    with suppress(cv2.error):  # raised for an empty picture
-        good, picture = reader.retrieve()
-        return np.asarray(picture, np.uint8) if good else None
-    return None
+def _unopened(source: str, device: bool) -> tuple[str, str]:
+    """Return the refusal of a source that cannot be opened, and what to do."""
+    if device:
+        return (
+            f"cannot open camera {source}; cameras here: {', '.join(devices()) or 'none'}",
+            "plug it in or give another one",
+        )
+    return (
+        f"cannot open {source} as a video",
+        "give a camera such as /dev/video0, the address of a stream or a video file",
+    )

@@ -2,29 +2,51 @@
 
 from __future__ import annotations
 
-from pydantic import Field, field_validator
+from math import pi
+from typing import Annotated
 
-from endolock.hw.dynamixel.registers import LARGEST_GOAL
+from pydantic import field_validator
+
 from endolock.hw.errors import ConfigError
-from endolock.hw.files import Section
+from endolock.hw.strict import Strict, bounded
+
+_TURNS = 10 * 4096
+"""A zero further from 0 than this is none: motors wake up within their first turn [counts]."""
+LEAST_RANGE_RAD = 0.01
+"""Least range of a handle [rad]: seven counts of a motor. Assumed."""
+_Angle = Annotated[float, bounded(-2 * pi, 2 * pi, "rad", hint="give radians, not degrees")]
 
 
-class Handle(Section):
+class Handle(Strict):
     """One handle and its motor."""
 
-    id: int = Field(ge=0, le=252)
+    id: Annotated[int, bounded(0, 252)]
     """Id of the motor on the bus."""
     direction: int = 1
     """1 if the handle angle increases with the motor's position, else -1."""
-    zero_counts: int | None = Field(default=None, ge=-LARGEST_GOAL // 2, le=LARGEST_GOAL // 2)
+    zero_counts: (
+        Annotated[
+            int,
+            bounded(
+                -_TURNS, _TURNS, "counts", hint="let endolock doctor --port PORT --set-up find it"
+            ),
+        ]
+        | None
+    ) = None
     """Motor position at handle angle zero [counts]; None: its position when the rig connects."""
-    ratio: float = Field(default=1.0, gt=0, le=100)
+    ratio: Annotated[float, bounded(0.01, 100)] = 1.0
     """Turns of the motor per turn of the handle [1]."""
-    range_rad: tuple[float, float] = (-3.0, 3.0)
-    """Lowest and highest handle angle [rad]. Assumed: somewhat less than half a turn."""
-    speed_rad_s: float = Field(default=3.49, gt=0)
-    """Maximum speed of the goal [rad/s]. Assumed: 33 rpm, a small servo under load."""
-    current_limit_a: float | None = Field(default=None, ge=0.02, le=3.2)
+    range_rad: tuple[_Angle, _Angle] = (-3.0, 3.0)
+    """Lowest and highest handle angle [rad], with 0 between them. Assumed: somewhat less than half
+    a turn."""
+    speed_rad_s: Annotated[float, bounded(0.01, 20, "rad/s", hint="give radians, not degrees")] = (
+        3.49
+    )
+    """Maximum speed of the goal [rad/s]. Assumed: 33 rpm, a small servo under load; the fastest
+    motors of the series turn at 11 rad/s."""
+    current_limit_a: (
+        Annotated[float, bounded(0.02, 3.2, "A", hint="give amperes, not milliamperes")] | None
+    ) = None
     """Largest motor current [A]; None: as set in the motor. X series registers end at 3.2 A."""
 
     @field_validator("direction")
@@ -36,9 +58,17 @@ class Handle(Section):
 
     @field_validator("range_rad")
     @classmethod
-    def _ordered(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if not value[0] < value[1]:
-            raise ConfigError(f"range_rad is {list(value)}", "give the lower end first")
+    def _around_zero(cls, value: tuple[float, float]) -> tuple[float, float]:
+        low, high = value
+        said = f"range_rad is [{low:g}, {high:g}]"
+        if not low < high:
+            raise ConfigError(said, "give the lower end first")
+        if not low <= 0 <= high:
+            raise ConfigError(
+                f"{said} without 0, at which zero_counts are taken", "give a range around 0"
+            )
+        if high - low < LEAST_RANGE_RAD:
+            raise ConfigError(f"{said}, less than {LEAST_RANGE_RAD:g} rad", "give a wider one")
         return value
 
     def unit_rad(self, position_rad: float) -> float:

@@ -69,7 +69,7 @@ def test_a_calibration_is_unchanged_by_writing_and_reading(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ("focal_px = -3.0", "must be above 0"),
+        ("focal_px = -3.0", "focal_px: got -3 px, wanted 6.4 to 1280 px; give pixels"),
         ('projection = "orthographic"', "projection"),
         ("focal = 3.0", "unknown key focal"),
         ("width", "is not TOML"),

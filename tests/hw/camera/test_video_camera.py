@@ -3,6 +3,9 @@
 Every picture shows its number: ten grey bars, each black or white, above one colour.
 """
 
+import re
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -16,9 +19,9 @@ import cv2
 import numpy as np
 import pytest
 
-from endolock.hw.api import Camera, ConfigError, Frame, Image
+from endolock.hw.api import Camera, ConfigError, Frame, HardwareError, Image
 from endolock.hw.bench.wall_clock import WallClock
-from endolock.hw.camera import video_camera
+from endolock.hw.camera import picture_source, video_camera
 from endolock.hw.camera.video_camera import VideoCamera, devices
 from endolock.vision import camera_model
 
@@ -55,10 +58,11 @@ class Stream:
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
         self._thread.start()
 
-    def send(self, *numbers: int) -> None:
+    def send(self, *numbers: int, size: tuple[int, int] = (WIDTH, HEIGHT)) -> None:
         """Send pictures with these numbers, as fast as they are taken."""
         for number in numbers:
-            jpeg = cv2.imencode(".jpg", _picture(number)[..., ::-1])[1].tobytes()
+            drawn = cv2.resize(_picture(number)[..., ::-1], size)
+            jpeg = cv2.imencode(".jpg", drawn)[1].tobytes()
             head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
             self._parts.put(head.encode() + jpeg + b"\r\n")
 
@@ -213,19 +217,96 @@ def test_a_source_that_sends_every_picture_twice_gives_new_frames(device: Device
             assert (_number(frame), frame.repeated) == (number, False)
 
 
-def test_a_stream_that_is_cut_ends_with_its_last_frame(stream: Stream) -> None:
+def test_a_stream_that_is_cut_is_reported_after_its_last_frame(stream: Stream) -> None:
     stream.send(0)
     with closing(_camera(stream.address)) as camera:
         stream.send(1)
         stream.cut()
-        assert _number(_last(camera)) == 1
+        start = time.monotonic()
+        assert _number(_last(camera, "the video ended: .* gives no more pictures; check the")) == 1
+        assert time.monotonic() - start < 2.0
+        with pytest.raises(HardwareError):  # and again, as long as none comes
+            camera.latest()
 
 
-def test_a_stream_that_falls_silent_ends(stream: Stream, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video_camera, "SILENT_S", 2.0)  # enough to open it on a busy computer
+def test_a_stream_that_is_cut_once_goes_on_where_it_comes_back(stream: Stream) -> None:
     stream.send(0)
     with closing(_camera(stream.address)) as camera:
-        assert _number(_last(camera)) == 0
+        stream.cut()
+        stream.send(1)
+        assert _number(_frame(camera, 1)) == 1
+        stream.send(2)
+        assert _number(_frame(camera, 2)) == 2
+        stream.cut()  # a second time soon after: not trusted any more
+        stream.send(3)
+        _last(camera, "ended twice within 10 s")
+
+
+def test_a_stream_that_falls_silent_is_reported_and_opened_again(
+    stream: Stream, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(picture_source, "SILENT_S", 2.0)  # enough to open it on a busy computer
+    stream.send(0)
+    with closing(_camera(stream.address, timeout_s=1.0)) as camera:
+        last = _last(camera, "the video stopped: .* gave no picture for 1 s; check the camera")
+        assert _number(last) == 0
+        stream.send(1)
+        _wait(lambda: (seen := _camera_latest(camera)) is not None and _number(seen) == 1)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (640, 480), (HEIGHT, WIDTH)])
+def test_a_stream_that_changes_its_size_is_not_believed(
+    stream: Stream, size: tuple[int, int]
+) -> None:
+    stream.send(0)
+    with closing(_camera(stream.address)) as camera:
+        stream.send(1, 2)
+        stream.send(3, size=size)
+        stream.send(4)  # a single damaged one is skipped
+        assert _number(_frame(camera, 4)) == 4
+        stream.send(*range(5, 12), size=size)
+        said = "now gives pictures of {}x{} px instead of 320x240 px".format(*size)
+        assert _number(_last(camera, said)) == 4
+
+
+def test_a_film_that_changes_its_size_is_not_believed(tmp_path: Path) -> None:
+    """FFmpeg scales the second part to the first one's size; its time stamps begin anew."""
+    parts = []
+    for size in ((WIDTH, HEIGHT), (2 * WIDTH, HEIGHT)):
+        part = tmp_path / f"{size[0]}.ts"
+        writer = cv2.VideoWriter(
+            str(part), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), 25.0, size
+        )
+        for number in range(10):
+            writer.write(cv2.resize(_picture(number), size))
+        writer.release()
+        parts.append(part.read_bytes())
+    film = tmp_path / "film.ts"
+    film.write_bytes(b"".join(parts))
+    with closing(_camera(film)) as camera:
+        assert _last(camera, "began anew, perhaps in another size").seq <= 10
+
+
+@pytest.mark.parametrize("closing", ["camera.close()", ""])
+def test_python_exits_while_a_slow_stream_is_read(stream: Stream, closing: str) -> None:
+    """It would abort if the thread woke up in OpenCV meanwhile."""
+    stream.send(0)
+    program = (
+        "from endolock.hw.camera.video_camera import VideoCamera\n"
+        "from endolock.hw.bench.wall_clock import WallClock\n"
+        "from endolock.vision.camera_model import from_fovy\n"
+        f"geometry = from_fovy({WIDTH}, {HEIGHT}, 85.0)\n"
+        f"camera = VideoCamera({stream.address!r}, geometry, WallClock(), latency_s=0.4)\n"
+        f"{closing}\n"
+        "print('done', flush=True)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(2.0)  # it has come to its end, and waits for the next picture
+    stream.send(1)
+    said, complaints = child.communicate(timeout=PATIENCE_S)
+    assert (child.returncode, said, complaints) == (0, "done\n", "")
 
 
 def test_close_may_be_called_twice(stream: Stream) -> None:
@@ -235,7 +316,8 @@ def test_close_may_be_called_twice(stream: Stream) -> None:
     for _ in range(2):
         camera.close()
         stream.send(5)  # ends a grab that waits
-    assert _last(camera) is camera.latest()
+    _wait(lambda: camera.ended)
+    assert camera.latest() is camera.latest()  # closing is no fault
     assert f"video {stream.address}" not in [thread.name for thread in threading.enumerate()]
 
 
@@ -244,11 +326,9 @@ def test_a_file_plays_at_its_own_rate_and_ends(tmp_path: Path, name: str, code: 
     clock = WallClock()
     start = clock.now()
     with closing(_camera(_film(tmp_path / name, code, 10), clock)) as camera:
-        seen = [_latest(camera)]
-        while not camera.ended:
-            time.sleep(0.005)
-            seen.append(_latest(camera))
-        last = _latest(camera)
+        seen = _until_a_fault(camera, "the video ended: .*film.* gives no more pictures")
+        last = seen[-1]
+        assert camera.ended
     assert [_number(frame) for frame in seen] == [frame.seq for frame in seen]
     assert (last.seq, _number(last)) == (9, 9)
     for frame in (*seen, last):
@@ -283,8 +363,10 @@ def test_an_occasional_read_error_is_tolerated(device: Device) -> None:
         assert not camera.ended
         device.give(*["lost"] * (video_camera.FAILURES - 1))
         device.give("lost", wait=False)
-        assert _last(camera) is frame
-    assert device.released
+        assert _last(camera, "0 gives no more pictures") is frame
+        assert device.released
+        device.give(_picture(4))  # plugged in again
+        assert _number(_frame(camera, 6)) == 4
 
 
 def test_pictures_of_another_size_are_refused(tmp_path: Path) -> None:
@@ -343,7 +425,7 @@ def test_devices_are_listed_with_their_names(
     names = tmp_path / "names"
     (names / "video2").mkdir(parents=True)
     (names / "video2" / "name").write_text("USB Capture: HDMI\n")
-    monkeypatch.setattr(video_camera, "NAMES", names)
+    monkeypatch.setattr(picture_source, "NAMES", names)
     assert devices(tmp_path) == [
         f"{tmp_path}/video0",
         f"{tmp_path}/video2 (USB Capture: HDMI)",
@@ -352,9 +434,13 @@ def test_devices_are_listed_with_their_names(
 
 
 def _camera(
-    source: int | str | Path, clock: WallClock | None = None, latency_s: float = 0.0
+    source: int | str | Path,
+    clock: WallClock | None = None,
+    latency_s: float = 0.0,
+    timeout_s: float = video_camera.TIMEOUT_S,
 ) -> VideoCamera:
-    return VideoCamera(source, CALIBRATION, clock or WallClock(), latency_s=latency_s)
+    clock = clock or WallClock()
+    return VideoCamera(source, CALIBRATION, clock, latency_s=latency_s, timeout_s=timeout_s)
 
 
 def _latest(camera: VideoCamera) -> Frame:
@@ -369,10 +455,32 @@ def _frame(camera: VideoCamera, seq: int) -> Frame:
     return _latest(camera)
 
 
-def _last(camera: VideoCamera) -> Frame:
-    """Wait for the end."""
-    _wait(lambda: camera.ended)
-    return _latest(camera)
+def _last(camera: VideoCamera, said: str) -> Frame:
+    """Wait for a fault; return the last frame before it."""
+    return _until_a_fault(camera, said)[-1]
+
+
+def _until_a_fault(camera: VideoCamera, said: str) -> list[Frame]:
+    """Return all frames up to a fault."""
+    seen: list[Frame] = []
+    faults: list[str] = []
+    deadline = time.monotonic() + PATIENCE_S
+    while not faults:
+        assert time.monotonic() < deadline
+        try:
+            seen.append(_latest(camera))
+        except HardwareError as error:
+            faults.append(str(error))
+        time.sleep(0.002)
+    assert re.search(said, faults[0])
+    return seen
+
+
+def _camera_latest(camera: VideoCamera) -> Frame | None:
+    """The newest frame; None while there is a fault."""
+    with suppress(HardwareError):
+        return camera.latest()
+    return None
 
 
 def _wait(true: Callable[[], bool]) -> None:
