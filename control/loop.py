@@ -169,7 +169,7 @@ def run(
     """Run a controller on a rig; the handles hold when it returns or raises.
 
     To continue with the rig, do so before the motors' own watchdog trips, or clear its fault. If
-    frames stop coming, the handles hold and the lock is lost.
+    frames stop coming, the handles hold and the lock is lost, until one comes again.
 
     Args:
         rig: clock, handles and camera; connected here if it is not.
@@ -189,7 +189,8 @@ def run(
     Raises:
         ConfigError: duration, period, eyes or controller cannot be used, or eyes or controller
             failed.
-        HardwareError: the handles stopped; the recorder has all rows up to there.
+        HardwareError: the handles stopped, or the video ended; the recorder has all rows up to
+            there.
     """
     if not duration_s > 0:
         raise ConfigError(f"duration {duration_s:g} s", "use more than 0")
@@ -203,12 +204,13 @@ def run(
     state = actuators.exchange(None) if mode.driven else actuators.enable()
     command: Command | None = None
     start = rig.clock.now()
-    before = rig.camera.latest()  # ignore frames from before the run
-    stale = before is not None and before.t_available < start
-    status, newest, shown = Status.SEARCHING, before.seq if before and stale else -1, -1
+    status, shown = Status.SEARCHING, -1
     seen_at, blind = start, False
     try:
         law.reset(state)
+        before = rig.camera.latest()  # ignore frames from before the run
+        stale = before is not None and before.t_available < start
+        newest = before.seq if before and stale else -1
         for t, skipped in ticks(rig.clock, period_s, start + duration_s):
             blind = t - seen_at > BLIND_S
             if blind:

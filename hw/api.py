@@ -277,7 +277,11 @@ class Camera(Protocol):
         """Its geometry."""
 
     def latest(self) -> Frame | None:
-        """Return the newest frame delivered, or None before the first; never blocks."""
+        """Return the newest frame delivered, or None before the first; never blocks.
+
+        Raises:
+            HardwareError: the device has ended, or was silent for too long.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
