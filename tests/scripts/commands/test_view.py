@@ -1,10 +1,8 @@
 """`endolock view`: the viewer and its servers are reached from this machine only."""
 
 import os
-import re
 import shlex
 import signal
-import socket
 import stat
 import subprocess
 import sys
@@ -14,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from tests import traps
+from tests.sockets import listening
 
 from endolock.scripts import cli
 
@@ -65,7 +64,7 @@ def test_the_printed_command_serves_the_run_on_this_machine_only(
     while len(addresses) < 2 and time.monotonic() < deadline:
         assert served.poll() is None, "it has ended"
         time.sleep(0.1)
-        addresses = {a for child in _below(served.pid) for a in _listening(child)}
+        addresses = {a for child in _below(served.pid) for a in listening(child)}
     assert len(addresses) == 2  # the page, and the recording
     assert {address.rpartition(":")[0] for address in addresses} == {"127.0.0.1"}
 
@@ -110,20 +109,4 @@ def _below(pid: int) -> list[int]:
     found = []
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
         found += [int(child), *_below(int(child))]
-    return found
-
-
-def _listening(pid: int) -> set[str]:
-    """Return the TCP addresses on which a process listens."""
-    links = [str(file.readlink()) for file in Path(f"/proc/{pid}/fd").iterdir()]
-    inodes = {match[1] for link in links if (match := re.fullmatch(r"socket:\[(\d+)\]", link))}
-    found = set()
-    for name, family in (("tcp", socket.AF_INET), ("tcp6", socket.AF_INET6)):
-        for line in Path(f"/proc/{pid}/net/{name}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and fields[9] in inodes:  # 0A: it listens
-                address, _, port = fields[1].partition(":")
-                words = [int(address[i : i + 8], 16) for i in range(0, len(address), 8)]
-                packed = b"".join(word.to_bytes(4, sys.byteorder) for word in words)
-                found.add(f"{socket.inet_ntop(family, packed)}:{int(port, 16)}")
     return found
