@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from endolock.hw.errors import ConfigError, EndolockError, did_you_mean
 from endolock.hw.strict import shown
@@ -30,12 +30,6 @@ _TYPES = {
     "tuple_type": "give an array, such as [0.0, 1.0]",
 }
 """What to do about a value of the wrong type, by what pydantic calls it."""
-
-
-class Section(BaseModel):
-    """Values of one part of a file: frozen, finite, unknown keys refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def names(folder: str) -> list[str]:

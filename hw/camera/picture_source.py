@@ -45,10 +45,10 @@ class PictureSource:
         """Whether its pictures come at a pace of its own, as those of a file do not."""
         reader = _device(source, size, frame_rate_hz) if self.device else _stream(source)
         rate_hz = 0.0 if self.live else reader.get(cv2.CAP_PROP_FPS)
-        self.opened = bool(reader.isOpened() and (self.live or rate_hz > 0))
+        self.opened = bool(reader.isOpened())
         """Whether it could be opened."""
         self.period_s = 1 / rate_hz if rate_hz > 0 else 0.0
-        """Time between the pictures of a file [s]; 0 for a live source."""
+        """Time between the pictures of a file [s]; 0 for a live source, or if it is unknown."""
         self._reader, self._newest_ms = reader, 0.0
         motion_jpeg = not self.device and reader.get(cv2.CAP_PROP_FOURCC) == _MOTION_JPEG
         self._packed = motion_jpeg and reader.set(cv2.CAP_PROP_FORMAT, -1)

@@ -5,17 +5,15 @@ Vision gets the same frames as during the recording; sleeping takes no wall-cloc
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator
 from itertools import count
-from math import isfinite
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from endolock.hw.api import Calibration, ConfigError, Frame, Image
-from endolock.hw.frozen import read_only
+from endolock.hw.camera.picture_source import PictureSource
 
 
 class PlaybackClock:
@@ -70,50 +68,29 @@ class RecordedCamera:
         return self._newest
 
 
-def times(path: Path) -> list[tuple[float, float]]:
-    """Read the time stamps of a video: a CSV file with one row per frame.
-
-    Its columns are `t_capture` and `t_available` [s]; with only one of them the latency is zero.
-
-    Raises:
-        ConfigError: it cannot be read, or time runs backwards.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-        first = rows[0] if rows else {}
-        late = "t_available" if "t_available" in first else "t_capture"
-        early = "t_capture" if "t_capture" in first else late
-        stamps = [(float(row[early]), float(row[late])) for row in rows]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"cannot read {path}: {error}", "give a CSV file") from None
-    except (KeyError, ValueError, TypeError):
-        raise ConfigError(
-            f"{path} does not have seconds in every row of t_capture or t_available",
-            "give a CSV file with one of these columns, or both",
-        ) from None
-    delivered = [stamp[1] for stamp in stamps]
-    if delivered != sorted(delivered) or not all(isfinite(t) for s in stamps for t in s):
-        raise ConfigError(f"{path}: time runs backwards or is not finite", "sort the rows")
-    return stamps
-
-
 def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
     """Yield the frames of a video file with their time stamps.
 
     Where the file ends or is damaged before the time stamps do, the frames carry no picture.
 
     Raises:
-        ConfigError: it cannot be opened, or has more frames than time stamps.
+        ConfigError: it cannot be opened, has more frames than time stamps, or consists of several
+            recordings.
     """
-    # FFmpeg prints its own messages about damaged files; all that matter are raised here.
-    reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    if not path.is_file():
+        raise ConfigError(f"cannot open {path} as a video", "give a run folder or a video file")
+    reader = PictureSource(str(path.resolve()), (0, 0), None)
     try:
-        if not path.is_file() or not reader.isOpened():
+        if not reader.opened:
             raise ConfigError(f"cannot open {path} as a video", "give a run folder or a video file")
         before: Image | None = None
         for seq in count():
             image = _read(reader)
+            if image is not None and reader.restarted():
+                raise ConfigError(
+                    f"{path} begins anew at its picture {seq}, perhaps in another size",
+                    "give each recording by itself",
+                )
             if seq >= len(stamps) and image is None:
                 return
             if seq >= len(stamps):
@@ -133,6 +110,8 @@ def video(path: Path, stamps: list[tuple[float, float]]) -> Iterator[Frame]:
         reader.release()
 
 
-def _read(reader: cv2.VideoCapture) -> Image | None:
-    ok, picture = reader.read()
-    return read_only(np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)) if ok else None
+def _read(reader: PictureSource) -> Image | None:
+    picture = reader.picture() if reader.grab() else None
+    return (
+        None if picture is None else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
+    )

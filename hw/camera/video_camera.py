@@ -185,7 +185,7 @@ class VideoCamera:
             while not self._stop.is_set():
                 source = PictureSource(self._source, size, self._frame_rate_hz)
                 try:
-                    opened = source.opened
+                    opened = source.opened and (source.live or source.period_s > 0)
                     if opened:
                         seq = self._drain(source, seq)
                 finally:

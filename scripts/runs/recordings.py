@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from endolock.hw import boards
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
-from endolock.hw.camera import camera_file, recorded_video
+from endolock.hw.camera import camera_file, recorded_video, time_stamps
 from endolock.scripts.runs import folder_contents, log_tables
 
 
@@ -62,7 +62,7 @@ def open_(
         return Recording(_frames(frames), given or own, geometry, damage)
     if times is None:
         raise ConfigError(f"{source} needs time stamps", "give a CSV file with --times")
-    return Recording(recorded_video.video(source, recorded_video.times(times)), given, geometry, [])
+    return Recording(recorded_video.video(source, time_stamps.read(times)), given, geometry, [])
 
 
 def _plain(kind: Any, values: Any, source: Path) -> Any:

@@ -85,8 +85,8 @@ class Instrument:
     """Wire travel per handle angle [m/rad], 0.0001 to 0.1. Assumed."""
     handle_range_rad: Annotated[float, bounded(0.01, 2 * pi, "rad")] = 3.141592653589793
     """Largest handle angle in both directions [rad], 0.01 to 2 pi. Assumed."""
-    handle_speed_rad_s: Annotated[float, bounded(0.01, 100, "rad/s")] = 3.49
-    """Fastest handle motion [rad/s], 0.01 to 100. Assumed: 33 rpm, a small bus servo under load."""
+    handle_speed_rad_s: Annotated[float, bounded(0.01, 20, "rad/s")] = 3.49
+    """Fastest handle motion [rad/s], 0.01 to 20. Assumed: 33 rpm, a small bus servo under load."""
     handle_torque_nm: Annotated[float, bounded(1e-4, 100, "N m")] = 2.0
     """Largest handle motor torque [N m], 1e-4 to 100. Assumed."""
     handle_kp: Annotated[float, bounded(0.01, 1e4, "N m/rad")] = 20.0

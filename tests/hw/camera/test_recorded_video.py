@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from endolock.hw.api import Camera, Clock, ConfigError, Frame
-from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera, times, video
+from endolock.hw.camera.recorded_video import PlaybackClock, RecordedCamera, video
 from endolock.vision import camera_model
 
 CALIBRATION = camera_model.from_fovy(64, 48, 85.0)
@@ -88,37 +88,28 @@ def test_unreadable_files_give_one_line(tmp_path: Path) -> None:
             list(video(tmp_path / name, [(0.0, 0.0)]))
 
 
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [
-        ("t_available\n0.0\nx\n", "does not have seconds in every row of t_capture or"),
-        ("when\n0.0\n", "give a CSV file with one of these columns, or both"),
-        ("t_capture\n0.2\n0.1\n", "time runs backwards"),
-        ("t_capture\n0.2\nnan\n", "time runs backwards or is not finite"),
-    ],
-)
-def test_bad_time_stamps_give_one_line(tmp_path: Path, text: str, why: str) -> None:
-    path = tmp_path / "times.csv"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=why):
-        times(path)
+def test_a_recording_that_changes_its_size_keeps_the_true_sizes(tmp_path: Path) -> None:
+    path, _ = _video(tmp_path)
+    other, _ = _video(tmp_path, size=(32, 24), name="small.avi")
+    data, small = path.read_bytes(), other.read_bytes()
+    # The last picture of the film is replaced by a smaller one, which is a shorter chunk.
+    start, own = data.rindex(b"\xff\xd8"), small[small.index(b"\xff\xd8") :]
+    end = own.index(b"\xff\xd9") + 2
+    path.write_bytes(data[:start] + own[:end] + data[start + end :])
+    frames = list(video(path, [(0.1 * n, 0.1 * n) for n in range(4)]))
+    assert [f.image.shape for f in frames if f.image is not None][-1] == (24, 32, 3)
 
 
-def test_time_stamps_with_one_column_have_no_latency(tmp_path: Path) -> None:
-    path = tmp_path / "times.csv"
-    path.write_text("t_available\n0.1\n0.2\n")
-    assert times(path) == [(0.1, 0.1), (0.2, 0.2)]
-    path.write_text("t_available,t_capture\n0.5,0.1\n")
-    assert times(path) == [(0.1, 0.5)]
-
-
-def _video(folder: Path, repeat: int = 1) -> tuple[Path, list[np.ndarray]]:
+def _video(
+    folder: Path, repeat: int = 1, size: tuple[int, int] = (64, 48), name: str = "film.avi"
+) -> tuple[Path, list[np.ndarray]]:
     """A film of even colours, each shown `repeat` times."""
     colours = [(200, 40, 30), (30, 180, 60), (40, 60, 210), (180, 180, 30)]
-    pictures = [np.full((48, 64, 3), colour, np.uint8) for colour in colours for _ in range(repeat)]
-    path = folder / "film.avi"
+    shape = (size[1], size[0], 3)
+    pictures = [np.full(shape, colour, np.uint8) for colour in colours for _ in range(repeat)]
+    path = folder / name
     fourcc = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), fourcc, 25.0, (64, 48))
+    writer = cv2.VideoWriter(str(path), fourcc, 25.0, size)
     assert writer.isOpened()
     for picture in pictures:
         writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
