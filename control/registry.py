@@ -28,6 +28,7 @@ from endolock.control.predictive.predictive_settings import (
 from endolock.control.user_controller import UserController, caller_of
 from endolock.hw.api import Calibration, ConfigError, Truth
 from endolock.hw.errors import did_you_mean
+from endolock.hw.files import first_problem
 
 
 class Law(NamedTuple):
@@ -112,14 +113,14 @@ def configure(
         return TypeAdapter(settings).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
-        if isinstance(cause := first.get("ctx", {}).get("error"), ConfigError):
+        cause = first.get("ctx", {}).get("error")
+        if not first["loc"] and isinstance(cause, ConfigError):  # of all settings together
             raise cause from None
-        key = ".".join(str(part) for part in first["loc"]) or "settings"
         if first["type"] == "missing":
-            raise ConfigError(
-                f"{name} needs law.{key}", f"give it with --vary law.{key}=..."
-            ) from None
-        raise ConfigError(f"{name}: law.{key}: {first['msg']}, got {first['input']!r}") from None
+            lacks = f"law.{first['loc'][0]}"
+            raise ConfigError(f"{name} needs {lacks}", f"give it with --vary {lacks}=...") from None
+        what, next_step = first_problem(error, lambda _section: ["radii", "weights"])
+        raise ConfigError(f"{name}: law.{what}", next_step) from None
 
 
 def make(

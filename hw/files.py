@@ -31,6 +31,10 @@ _TYPES = {
 }
 """What to do about a value of the wrong type, by what pydantic calls it."""
 
+LARGEST_TOML = 1_000_000
+DEEPEST_TOML = 12
+"""Longest file [B], and most tables and arrays within each other [1]; ours have 4. Assumed."""
+
 
 def names(folder: str) -> list[str]:
     """Return the names of the files that come with the package.
@@ -80,12 +84,34 @@ def read_toml(path: Path, kind: str, next_step: str) -> dict[str, Any]:
         ConfigError: it cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST_TOML + 1)
+        if len(content) > LARGEST_TOML:
+            raise ConfigError(
+                f"{kind} {path} is longer than {LARGEST_TOML // 1000} kB", "give another file"
+            )
+        values = tomllib.loads(content.decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(f"cannot read {kind} {path}: {reason}", next_step) from None
     except (ValueError, RecursionError) as error:  # thousands of digits, or of brackets, too
         raise ConfigError(f"{kind} {path} is not TOML: {error}", "correct the file") from None
+    if _depth(values) > DEEPEST_TOML:
+        raise ConfigError(
+            f"{kind} {path} has values within values, more than {DEEPEST_TOML} deep",
+            "correct the file",
+        )
+    return values
+
+
+def _depth(values: Any) -> int:
+    """Return how many tables and arrays contain each other, without recursion."""
+    level, depth = [values], 0
+    while level and depth <= DEEPEST_TOML:
+        depth += 1
+        inner = [part.values() if isinstance(part, dict) else part for part in level]
+        level = [v for part in inner for v in part if isinstance(v, dict | list)]
+    return depth
 
 
 def write_whole(path: Path, data: str | bytes, next_step: str) -> None:

@@ -21,14 +21,16 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import copysign, isfinite, pi, tanh
-from typing import Literal
+from math import copysign, pi, tanh
+from typing import Annotated, Literal
 
 from endolock.control.laws.pi import PI, PIMemory, PISettings
 from endolock.control.laws.pi_simc import SimcMemory, SimcPI, SimcSettings
 from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.plays import play_step
-from endolock.hw.api import AXES, Calibration, Command, ConfigError, State
+from endolock.hw.api import AXES, Calibration, Command, State
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision.observation import Observation
 
 ON_OVER_OFF = 2.0
@@ -45,32 +47,24 @@ class CompensationSettings:
 
     form: Literal["sign", "play", "ramp", "smooth"] = "sign"
     """Form of s, see the module's description. Assumed."""
-    width: float = 0.2
-    """Full loop width w at the handle, as a fraction of 180 deg [1], >= 0. Source: 0.2, thesis
+    width: Annotated[float, bounded(0, 4)] = 0.2
+    """Full loop width w at the handle, as a fraction of 180 deg [1], 0 to 4. Source: 0.2, thesis
     ch. 6; unit assumed."""
-    switch_off_rad_s: float = 0.01
-    """sign, ramp: speed below which v is at rest [rad/s], >= 0. Source of the switch-off: thesis,
-    fig. 6.8. Its value: of 0.005, 0.01, 0.02 and 0.05 the smallest at which an axis with a target
-    at rest does not oscillate at 1 px of noise, ten times that of markers
+    switch_off_rad_s: Annotated[float, bounded(0, 100, "rad/s")] = 0.01
+    """sign, ramp: speed below which v is at rest [rad/s], 0 to 100. Source of the switch-off:
+    thesis, fig. 6.8. Its value: of 0.005, 0.01, 0.02 and 0.05 the smallest at which an axis with a
+    target at rest does not oscillate at 1 px of noise, ten times that of markers
     (scripts/studies/controller_calibration.py)."""
-    reversal_rad: float = 0.01
-    """play: half-width of the play that determines the direction [rad], > 0. Assumed."""
-    ramp_s: float = 0.4
-    """ramp: time to change sides [s], > 0. Assumed."""
-    smooth_rad_s: float = 0.1
-    """smooth: speed at which three quarters of the compensation are reached [rad/s], > 0.
+    reversal_rad: Annotated[float, bounded(1e-6, 10, "rad")] = 0.01
+    """play: half-width of the play that determines the direction [rad], 1e-6 to 10. Assumed."""
+    ramp_s: Annotated[float, bounded(0.001, 1000, "s")] = 0.4
+    """ramp: time to change sides [s], 0.001 to 1000. Assumed."""
+    smooth_rad_s: Annotated[float, bounded(1e-6, 1000, "rad/s")] = 0.1
+    """smooth: speed at which three quarters of the compensation are reached [rad/s], 1e-6 to 1000.
     Assumed."""
 
     def __post_init__(self) -> None:
-        least = min(self.reversal_rad, self.ramp_s, self.smooth_rad_s)
-        numbers = (self.width, self.switch_off_rad_s, least)
-        good = least > 0 and min(self.width, self.switch_off_rad_s) >= 0
-        if not (good and all(isfinite(n) for n in numbers)):
-            raise ConfigError(
-                f"compensation: width {self.width:g}, switch_off_rad_s {self.switch_off_rad_s:g}, "
-                f"smallest other number {least:g}",
-                "use 0 or more, and more than 0",
-            )
+        settle(self, "compensation")
 
 
 @dataclass
@@ -125,8 +119,7 @@ class PIHCSettings(CompensationSettings, PISettings):
     """Gains and compensation."""
 
     def __post_init__(self) -> None:
-        PISettings.__post_init__(self)
-        CompensationSettings.__post_init__(self)
+        settle(self, "pi_hc")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,8 +130,7 @@ class SimcHCSettings(CompensationSettings, SimcSettings):
     """Form of s, see the module's description. Assumed: with these gains a sign chatters."""
 
     def __post_init__(self) -> None:
-        SimcSettings.__post_init__(self)
-        CompensationSettings.__post_init__(self)
+        settle(self, "pi_simc_hc")
 
 
 @dataclass

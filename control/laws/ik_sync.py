@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import Annotated
 
 from endolock.control.laws.inverse_kinematics import IKMemory, InverseKinematics, aimed
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import SectionGeometry
-from endolock.hw.api import Calibration, ConfigError, State
+from endolock.hw.api import Calibration, State
 from endolock.hw.history import AngleHistory
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -23,18 +26,18 @@ from endolock.vision.observation import Observation, Status
 class IKSyncSettings:
     """Prior knowledge of the controller."""
 
-    target_distance_m: float = 0.12
-    """Depth of the target until markers measure it [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = linear_process.BEND_PER_HANDLE
-    """Bend per handle angle [rad/rad], > 0. Assumed: the slope of the default instrument."""
-    settle_s: float = 0.1
-    """Time constant with which the handles approach their aim [s], > 0. Assumed: averages pixel
-    noise over two frames, and leaves a gain margin."""
+    target_distance_m: linear_process.Depth = 0.12
+    """Depth of the target until markers measure it [m], 0.001 to 10. Source: 12 cm, thesis ch.
+    6."""
+    bend_per_handle: linear_process.Slope = linear_process.BEND_PER_HANDLE
+    """Bend per handle angle [rad/rad], 0.001 to 100. Assumed: the slope of the default
+    instrument."""
+    settle_s: Annotated[float, bounded(0.001, 1000, "s")] = 0.1
+    """Time constant with which the handles approach their aim [s], 0.001 to 1000. Assumed: averages
+    pixel noise over two frames, and leaves a gain margin."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 < value < float("inf"):
-                raise ConfigError(f"ik_sync: {name} is {value:g}", "use a finite number above 0")
+        settle(self, "ik_sync")
 
 
 @dataclass

@@ -10,10 +10,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import Annotated
+
+from pydantic import StrictBool
 
 from endolock.control.transmission import kinematics, linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.hw.api import Calibration, Command, ConfigError, State, Vector
+from endolock.hw.api import Calibration, Command, State, Vector
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -22,24 +27,21 @@ from endolock.vision.observation import Observation, Status
 class IKSettings:
     """Prior knowledge of the controller."""
 
-    target_distance_m: float = 0.12
-    """Assumed depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = linear_process.BEND_PER_HANDLE
-    """Bend per handle angle in the middle of the hysteresis [rad/rad], > 0. Assumed: the slope of
-    the default instrument."""
-    rate_per_s: float = 1.8
-    """Handle speed per remaining distance to the aim [1/s], > 0. Assumed: pi/4 over 0.44 s, which
-    gives a gain margin of 2 for an integrator with the dead time of video, tick and servo. Runs
-    that are compared with the thesis use a rate calibrated for them
+    target_distance_m: linear_process.Depth = 0.12
+    """Assumed depth of the target [m], 0.001 to 10. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: linear_process.Slope = linear_process.BEND_PER_HANDLE
+    """Bend per handle angle in the middle of the hysteresis [rad/rad], 0.001 to 100. Assumed: the
+    slope of the default instrument."""
+    rate_per_s: Annotated[float, bounded(0.001, 1000, "1/s")] = 1.8
+    """Handle speed per remaining distance to the aim [1/s], 0.001 to 1000. Assumed: pi/4 over 0.44
+    s, which gives a gain margin of 2 for an integrator with the dead time of video, tick and servo.
+    Runs that are compared with the thesis use a rate calibrated for them
     (scripts/thesis/chapter_runs.py)."""
-    measured_distance: bool = False
+    measured_distance: StrictBool = False
     """Whether a measured depth replaces the assumed one. Source: no, thesis ch. 6."""
 
     def __post_init__(self) -> None:
-        for name in ("target_distance_m", "bend_per_handle", "rate_per_s"):
-            value = getattr(self, name)
-            if not 0 < value < float("inf"):
-                raise ConfigError(f"ik: {name} is {value:g}", "use a finite number above 0")
+        settle(self, "ik")
 
 
 @dataclass

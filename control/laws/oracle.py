@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from endolock.control.transmission import kinematics, linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.control.transmission.plays import ONE_PLAY, Hysteresis, Plays, play_step
-from endolock.hw.api import Calibration, Command, ConfigError, State, TruthSample
+from endolock.hw.api import Calibration, Command, State, TruthSample
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation
 
@@ -30,21 +33,18 @@ class OracleSettings:
 
     plays: Plays = ONE_PLAY
     """Hysteresis of the instrument; the caller gives that of the twin in use."""
-    lead_s: float = linear_process.LAG_S + linear_process.COMMAND_DELAY_S
-    """Delay from command to motion [s], >= 0: servo and tip, one and a half control periods."""
-    correct_s: float = 0.15
-    """Time constant of the model correction [s], > 0. Source: measured; a shorter one oscillates,
-    because the servo takes 0.18 s through the loop."""
-    reversal_rad: float = 0.003
-    """Changes of the desired bend below this do not reverse the handles [rad], >= 0. Assumed."""
+    lead_s: Annotated[float, bounded(0, 30, "s")] = (
+        linear_process.LAG_S + linear_process.COMMAND_DELAY_S
+    )
+    """Delay from command to motion [s], 0 to 30: servo and tip, one and a half control periods."""
+    correct_s: Annotated[float, bounded(0.001, 1e9, "s")] = 0.15
+    """Time constant of the model correction [s], 0.001 to 1e9. Source: measured; a shorter one
+    oscillates, because the servo takes 0.18 s through the loop."""
+    reversal_rad: Annotated[float, bounded(0, 1, "rad")] = 0.003
+    """Changes of the desired bend below this do not reverse the handles [rad], 0 to 1. Assumed."""
 
     def __post_init__(self) -> None:
-        if not (self.lead_s >= 0 and self.correct_s > 0 and self.reversal_rad >= 0):
-            raise ConfigError(
-                f"oracle: lead_s {self.lead_s:g}, correct_s {self.correct_s:g}, reversal_rad "
-                f"{self.reversal_rad:g}",
-                "use 0 or more, and a correct_s above 0",
-            )
+        settle(self, "oracle")
 
 
 @dataclass

@@ -16,9 +16,12 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from endolock.control.transmission.kinematics import Pair
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.api import Calibration, Command, State
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision import camera_model
 from endolock.vision.observation import Observation, Status
 
@@ -27,19 +30,16 @@ from endolock.vision.observation import Observation, Status
 class PISettings:
     """Gains of the PI controller."""
 
-    kp: float = 0.1
-    """Handle angle per error [rad/rad], >= 0. Calibrated, with `ki`, on the thesis' stroke peaks
-    and its improvement by compensation, for 12 cm, among gains with which the tip follows and that
-    leave a gain margin of 1.5 (scripts/studies/controller_calibration.py); the thesis' own gains
-    are not in the excerpt."""
-    ki: float = 1.6
-    """Handle speed per error [1/s], >= 0. Calibrated, as `kp`."""
+    kp: Annotated[float, bounded(0, 100, "rad/rad")] = 0.1
+    """Handle angle per error [rad/rad], 0 to 100. Calibrated, with `ki`, on the thesis' stroke
+    peaks and its improvement by compensation, for 12 cm, among gains with which the tip follows and
+    that leave a gain margin of 1.5 (scripts/studies/controller_calibration.py); the thesis' own
+    gains are not in the excerpt."""
+    ki: Annotated[float, bounded(0, 1000, "1/s")] = 1.6
+    """Handle speed per error [1/s], 0 to 1000. Calibrated, as `kp`."""
 
     def __post_init__(self) -> None:
-        for name in ("kp", "ki"):
-            value = getattr(self, name)
-            if not 0 <= value < float("inf"):
-                raise ConfigError(f"pi: {name} is {value:g}", "use a finite number, 0 or more")
+        settle(self, "pi")
 
 
 @dataclass

@@ -8,12 +8,15 @@ the present latency.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from endolock.control.laws.pi import PI, PIMemory
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import Process
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.api import Calibration, Command, State
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision.observation import Observation
 
 SETTLING = 0.1
@@ -24,19 +27,15 @@ SETTLING = 0.1
 class SimcSettings:
     """Assumptions of the tuning."""
 
-    target_distance_m: float = 0.12
-    """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = linear_process.BEND_PER_HANDLE
-    """Slope of the transmission [rad/rad], > 0. Assumed."""
-    latency_s: float = 0.4
-    """Latency of the video until the first frame [s], >= 0. Source: thesis ch. 7."""
+    target_distance_m: linear_process.Depth = 0.12
+    """Depth of the target [m], 0.001 to 10. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: linear_process.Slope = linear_process.BEND_PER_HANDLE
+    """Slope of the transmission [rad/rad], 0.001 to 100. Assumed."""
+    latency_s: Annotated[float, bounded(0, 30, "s")] = 0.4
+    """Latency of the video until the first frame [s], 0 to 30. Source: thesis ch. 7."""
 
     def __post_init__(self) -> None:
-        if not min(self.target_distance_m, self.bend_per_handle) > 0 or self.latency_s < 0:
-            raise ConfigError(
-                f"distance {self.target_distance_m:g} m, slope {self.bend_per_handle:g}, latency "
-                f"{self.latency_s:g} s: use a distance and a slope above 0, a latency of 0 or more"
-            )
+        settle(self, "pi_simc")
 
 
 @dataclass

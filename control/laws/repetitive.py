@@ -16,11 +16,14 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from endolock.control.laws.pi import error
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.hw.api import PERIOD_S, Calibration, Command, ConfigError, State
+from endolock.hw.api import PERIOD_S, Calibration, Command, State
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision.observation import Observation, Status
 
 LEAD_S = linear_process.LAG_S + PERIOD_S
@@ -31,25 +34,20 @@ LEAD_S = linear_process.LAG_S + PERIOD_S
 class RepetitiveSettings:
     """Period, and rate of learning."""
 
-    period_s: float
-    """Period of the target's motion [s], > 0."""
-    learning: float = 0.5
-    """Fraction g of the error that is corrected each period [1], 0 to 1. Assumed."""
-    points: int = 96
+    period_s: Annotated[float, bounded(0.02, 1e4, "s")]
+    """Period of the target's motion [s], 0.02 to 1e4."""
+    learning: Annotated[float, bounded(1e-6, 1)] = 0.5
+    """Fraction g of the error that is corrected each period [1], 1e-6 to 1. Assumed."""
+    points: Annotated[int, bounded(8, 4096)] = 96
     """Number of points of the table, 8 to 4096. Assumed: 0.1 s apart for strokes, 0.2 s for the
     circle."""
-    target_distance_m: float = 0.12
-    """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = linear_process.BEND_PER_HANDLE
-    """Slope of the transmission [rad/rad], > 0. Assumed."""
+    target_distance_m: linear_process.Depth = 0.12
+    """Depth of the target [m], 0.001 to 10. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: linear_process.Slope = linear_process.BEND_PER_HANDLE
+    """Slope of the transmission [rad/rad], 0.001 to 100. Assumed."""
 
     def __post_init__(self) -> None:
-        if not (0 < self.period_s < 1e4 and 0 < self.learning <= 1 and 8 <= self.points <= 4096):
-            raise ConfigError(
-                f"repetitive: period_s {self.period_s:g}, learning {self.learning:g}, points "
-                f"{self.points}",
-                "use a period above 0, a share up to 1, 8 to 4096 points",
-            )
+        settle(self, "repetitive")
 
 
 @dataclass

@@ -14,12 +14,15 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from endolock.control.laws.pi import error
 from endolock.control.transmission import linear_process
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
-from endolock.hw.api import Calibration, Command, ConfigError, State
+from endolock.hw.api import Calibration, Command, State
 from endolock.hw.history import AngleHistory
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
 from endolock.vision.observation import Observation, Status
 
 
@@ -27,18 +30,16 @@ from endolock.vision.observation import Observation, Status
 class SmithSettings:
     """Internal model, and speed of the loop."""
 
-    target_distance_m: float = 0.12
-    """Depth of the target [m], > 0. Source: 12 cm, thesis ch. 6."""
-    bend_per_handle: float = linear_process.BEND_PER_HANDLE
-    """Slope of the transmission [rad/rad], > 0. Assumed."""
-    closed_loop_s: float = 0.2
-    """Time constant tc of the loop without dead time [s], > 0. Assumed: half the latency; with
-    hysteresis the gain is not constant, and a faster loop oscillates."""
+    target_distance_m: linear_process.Depth = 0.12
+    """Depth of the target [m], 0.001 to 10. Source: 12 cm, thesis ch. 6."""
+    bend_per_handle: linear_process.Slope = linear_process.BEND_PER_HANDLE
+    """Slope of the transmission [rad/rad], 0.001 to 100. Assumed."""
+    closed_loop_s: Annotated[float, bounded(0.001, 1000, "s")] = 0.2
+    """Time constant tc of the loop without dead time [s], 0.001 to 1000. Assumed: half the latency;
+    with hysteresis the gain is not constant, and a faster loop oscillates."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 < value < float("inf"):
-                raise ConfigError(f"smith: {name} is {value:g}", "use a finite number above 0")
+        settle(self, "smith")
 
 
 @dataclass

@@ -3,54 +3,62 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from endolock.control.transmission.linear_process import COMMAND_DELAY_S, LAG_S
+from pydantic import StrictBool
+
+from endolock.control.transmission.linear_process import COMMAND_DELAY_S, LAG_S, Depth
 from endolock.hw.api import ConfigError
+from endolock.hw.strict import bounded
+from endolock.hw.strict_fields import settle
+
+MOST_PREDICTORS = 16
+"""Most constant-velocity predictors [1]. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PredictiveSettings:
     """Prior knowledge of the controller, and how quickly it adapts."""
 
-    target_distance_m: float = 0.12
-    """Depth of the target until markers measure it [m], > 0. Source: 12 cm, thesis ch. 6."""
-    walk_density: float = 0.02
-    """Spectral density of the target's random walk [rad2/s], > 0. Assumed."""
-    densities: tuple[float, ...] = (0.02, 0.5)
-    """Spectral density of the acceleration in each constant-velocity predictor [rad2/s3], > 0.
-    Assumed: one for slow and one for fast turns of the target."""
-    harmonic: bool = True
+    target_distance_m: Depth = 0.12
+    """Depth of the target until markers measure it [m], 0.001 to 10. Source: 12 cm, thesis ch.
+    6."""
+    walk_density: Annotated[float, bounded(1e-9, 1e3, "rad2/s")] = 0.02
+    """Spectral density of the target's random walk [rad2/s], 1e-9 to 1e3. Assumed."""
+    densities: tuple[Annotated[float, bounded(1e-9, 1e6, "rad2/s3")], ...] = (0.02, 0.5)
+    """Spectral density of the acceleration in each constant-velocity predictor [rad2/s3], 1e-9 to
+    1e6. Assumed: one for slow and one for fast turns of the target."""
+    harmonic: StrictBool = True
     """Whether periodic motion is searched for."""
-    noise_px: float = 0.5
-    """Smallest standard deviation of target_px [px], > 0. Assumed: five times that of markers."""
-    latency_uncertainty_s: float = 0.02
-    """Standard deviation of exposure times [s], >= 0: frames count less while the handles move.
+    noise_px: Annotated[float, bounded(0.001, 1000, "px")] = 0.5
+    """Smallest standard deviation of target_px [px], 0.001 to 1000. Assumed: five times that of
+    markers."""
+    latency_uncertainty_s: Annotated[float, bounded(0, 5, "s")] = 0.02
+    """Standard deviation of exposure times [s], 0 to 5: frames count less while the handles move.
     Assumed."""
-    lead_s: float = LAG_S + COMMAND_DELAY_S
-    """Delay from command to motion [s], >= 0: servo, tip, one and a half control periods."""
-    reversal_rad: float = 0.001
-    """Changes of the desired bend below this do not reverse the handles [rad], >= 0."""
-    identify_every_s: float = 2.0
-    """Time between identifications [s], > 0; longer than the run leaves the initial model."""
-    capstan: bool = True
+    lead_s: Annotated[float, bounded(0, 5, "s")] = LAG_S + COMMAND_DELAY_S
+    """Delay from command to motion [s], 0 to 5: servo, tip, one and a half control periods."""
+    reversal_rad: Annotated[float, bounded(0, 1, "rad")] = 0.001
+    """Changes of the desired bend below this do not reverse the handles [rad], 0 to 1."""
+    identify_every_s: Annotated[float, bounded(0.02, 1e9, "s")] = 2.0
+    """Time between identifications [s], 0.02 to 1e9; longer than the run leaves the initial
+    model."""
+    capstan: StrictBool = True
     """Whether a capstan model is searched for, in addition to the plays."""
-    damping: float = 0.8
+    damping: Annotated[float, bounded(0, 1)] = 0.8
     """Fraction of the step from the old to the identified weights [1], 0 to 1."""
-    busy_per_s: float = 3.0
-    """Reversals per second above which it becomes cautious, until there are half as many, > 0.
-    Assumed: strokes have 0.5."""
-    swing_rad: float = 0.1
-    """Motion back that counts as a reversal [rad], > 0. Assumed: less is noise."""
+    busy_per_s: Annotated[float, bounded(0.001, 1e9, "1/s")] = 3.0
+    """Reversals per second above which it becomes cautious, until there are half as many, 0.001 to
+    1e9. Assumed: strokes have 0.5."""
+    swing_rad: Annotated[float, bounded(1e-6, 10, "rad")] = 0.1
+    """Motion back that counts as a reversal [rad], 1e-6 to 10. Assumed: less is noise."""
 
     def __post_init__(self) -> None:
-        positive = (self.target_distance_m, self.walk_density, *self.densities, self.noise_px)
-        good = min(*positive, self.identify_every_s, self.busy_per_s) > 0
-        good &= min(self.latency_uncertainty_s, self.lead_s, self.reversal_rad, self.damping) >= 0
-        if not (good and self.densities and self.damping <= 1 and self.swing_rad > 0):
+        settle(self, "predictive")
+        if not 1 <= len(self.densities) <= MOST_PREDICTORS:
             raise ConfigError(
-                "predictive: a setting is out of range",
-                "use distance, densities, noise_px, identify_every_s, busy_per_s and swing_rad "
-                "above 0, the rest 0 or more, damping at most 1",
+                f"predictive: {len(self.densities)} densities, wanted 1 to {MOST_PREDICTORS}",
+                "give one for each predictor",
             )
 
 
@@ -58,8 +66,8 @@ class PredictiveSettings:
 class SinglePredictiveSettings(PredictiveSettings):
     """Settings with a single constant-velocity predictor."""
 
-    densities: tuple[float, ...] = (0.02,)
-    """Spectral density of the acceleration in each constant-velocity predictor [rad2/s3], > 0.
-    Assumed."""
-    harmonic: bool = False
+    densities: tuple[Annotated[float, bounded(1e-9, 1e6, "rad2/s3")], ...] = (0.02,)
+    """Spectral density of the acceleration in each constant-velocity predictor [rad2/s3], 1e-9 to
+    1e6. Assumed."""
+    harmonic: StrictBool = False
     """Whether periodic motion is searched for."""

@@ -12,7 +12,7 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import cos, hypot, pi, sin
 
 import numpy as np
 
@@ -39,10 +39,12 @@ class SectionGeometry:
     the camera's right towards its down. Assumed: none."""
 
     def __post_init__(self) -> None:
-        if not (self.bending_length_m > 0 and self.rigid_tip_m >= 0):
+        lengths_fit = 0 < self.bending_length_m <= 1 and 0 <= self.rigid_tip_m <= 1
+        if not (lengths_fit and abs(self.misalignment_rad) <= pi):
             raise ConfigError(
                 f"section of {self.bending_length_m:g} m with a tip of {self.rigid_tip_m:g} m",
-                "use a length above 0 and a tip of 0 or more",
+                "use a length above 0 and a tip of 0 or more, in metres, and a misalignment_rad of "
+                "-pi to pi",
             )
 
 

@@ -12,10 +12,16 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.hw.api import ConfigError
+from endolock.hw.strict import bounded
 
+Slope = Annotated[float, bounded(0.001, 100, "rad/rad")]
+"""Bend per handle angle of a setting [rad/rad]; the range is assumed."""
+Depth = Annotated[float, bounded(0.001, 10, "m")]
+"""Depth of the target of a setting [m]; the range is assumed."""
 BEND_PER_HANDLE = 0.97
 """Bend per handle angle in the middle of the hysteresis [rad/rad]. Assumed: the slope of the
 default instrument; `endolock hysteresis` measures it."""
@@ -40,7 +46,7 @@ class Process:
     """L [s], > 0."""
 
     def __post_init__(self) -> None:
-        if not (0 < self.gain < float("inf") and self.lag_s >= 0 and 0 < self.dead_s < 60):
+        if not (0 < self.gain < float("inf") and 0 <= self.lag_s < 60 and 0 < self.dead_s < 60):
             raise ConfigError(
                 f"process with gain {self.gain:g}, lag {self.lag_s:g} s, dead time "
                 f"{self.dead_s:g} s",

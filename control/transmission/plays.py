@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import pi
+from typing import Annotated
 
 import numpy as np
 
@@ -19,23 +20,38 @@ from endolock.control.rms import rms
 from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.hw.api import ConfigError, Vector
+from endolock.hw.strict import bounded, shown
+
+LARGEST_RADIUS_RAD = 4 * pi
+LARGEST_WEIGHT = 100.0
+"""Largest half-width [rad] and bend per handle angle [rad/rad] of a play. Assumed."""
+MOST_PLAYS = 1000
+"""Most plays of an axis [1]. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plays:
     """Parameters of one axis."""
 
-    radii: tuple[float, ...]
-    """Half-widths r_i at the handle [rad], >= 0, rising."""
-    weights: tuple[float, ...]
-    """Bend per handle angle w_i of each [rad/rad], >= 0; their sum is the slope of long strokes."""
+    radii: tuple[Annotated[float, bounded(0, LARGEST_RADIUS_RAD, "rad")], ...]
+    """Half-widths r_i at the handle [rad], 0 to 4 pi, rising."""
+    weights: tuple[Annotated[float, bounded(0, LARGEST_WEIGHT, "rad/rad")], ...]
+    """Bend per handle angle w_i of each [rad/rad], 0 to 100; their sum is the slope of long
+    strokes."""
 
     def __post_init__(self) -> None:
-        same = len(self.radii) == len(self.weights) > 0
-        if not same or min(self.radii) < 0 or min(self.weights) < 0 or not sum(self.weights):
+        radii, weights = self.radii, self.weights
+        same = 0 < len(radii) == len(weights) <= MOST_PLAYS
+        if not (
+            same
+            and all(0 <= r <= LARGEST_RADIUS_RAD for r in radii)
+            and all(0 <= w <= LARGEST_WEIGHT for w in weights)
+            and sum(weights) > 0
+        ):
             raise ConfigError(
-                f"plays of radii {self.radii} and weights {self.weights}",
-                "give the same number of each, 0 or more, not all weights 0",
+                f"plays of radii {shown(radii)} and weights {shown(weights)}",
+                f"give the same number of each, 1 to {MOST_PLAYS}, radii of 0 to 4 pi rad, weights "
+                f"of 0 to {LARGEST_WEIGHT:g} rad/rad, not all 0",
             )
 
     def at_rest(self) -> PlaysOfBothAxes:

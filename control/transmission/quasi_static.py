@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import cos, exp, hypot, pi, sin
+from math import cos, exp, hypot, inf, pi, sin
 
 from endolock.control.transmission.cable import compliances
 from endolock.hw.api import ConfigError
@@ -29,6 +29,9 @@ TOLERANCE_RAD = 1e-9
 """Error of a bend [rad], far below any noise."""
 FLAT = 1e-3
 """Slope used where the handle moves no wire [1]: far below any other slope, but not 0."""
+LARGEST_SLACK_M = 1.0
+LARGEST_EXPONENT = 100.0
+"""Largest free length of a wire [m] and capstan exponent [1]. Assumed."""
 SHEATH_GIVE_RAD = 0.02
 """Elastic bend of a sheath with dry friction before it slides [rad]; also the twin's. Assumed."""
 
@@ -48,8 +51,11 @@ class Geometry:
 
     def __post_init__(self) -> None:
         lengths = (self.bending_length_m, self.wire_radius_m, self.pulley_radius_m)
-        if not min(lengths) > 0 or self.hinges < 2 or self.hinges % 2:
-            raise ConfigError(f"geometry {self}: use lengths above 0 and an even number of hinges")
+        if not all(0 < length <= 1 for length in lengths) or self.hinges not in range(2, 101, 2):
+            raise ConfigError(
+                f"geometry {self}",
+                "use lengths above 0 and an even number of hinges, in metres and up to 100",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +73,17 @@ class Cable:
     """Free length of each wire [m]; negative is pretension."""
     sheath: float
     """Dry friction of the sheath over K [rad], >= 0."""
+
+    def __post_init__(self) -> None:
+        shares = (self.conduit_exponent, self.section_friction, self.sheath)
+        if not (all(0 <= x < inf for x in shares) and 0 < self.stiffness < inf):
+            raise ConfigError(f"{self}", "use finite numbers of 0 or more, a stiffness above 0")
+        if not abs(self.slack_m) <= LARGEST_SLACK_M or self.conduit_exponent > LARGEST_EXPONENT:
+            raise ConfigError(
+                f"{self}",
+                f"use slack_m of {-LARGEST_SLACK_M:g} to {LARGEST_SLACK_M:g} m, conduit_exponent "
+                f"up to {LARGEST_EXPONENT:g}",
+            )
 
 
 class Axis:

@@ -8,10 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from endolock.hw.api import ConfigError
+from endolock.hw.strict import shown
 from endolock.twin.world.scenario import Scenario
 
 
 def _pixels(values: Any) -> tuple[int, ...]:
+    if any(isinstance(value, bool) for value in values):
+        raise TypeError
     left, top, width, height = (index(value) for value in values)
     return left, top, width, height
 
@@ -41,14 +44,14 @@ def converted(name: str, value: Any) -> Any:
     if value is None and name not in ALWAYS:
         return None
     try:
-        if isinstance(value, str) and convert is not Path:
+        if isinstance(value, str | bool) and convert is not Path:
             raise TypeError
         result = convert(value)
-        if name == "seed" and result < 0:
+        if name == "seed" and not 0 <= result < 2**63:  # as files and tables hold it
             raise ValueError
         return result
-    except (TypeError, ValueError):
-        raise ConfigError(f"{name} {value!r}", f"use {kind}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ConfigError(f"{name} {shown(value)}", f"use {kind}") from None
 
 
 def described(values: Mapping[str, Any], controller: str) -> dict[str, Any]:

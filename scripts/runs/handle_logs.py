@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from difflib import get_close_matches
 from math import degrees, pi
 from pathlib import Path
@@ -15,6 +16,7 @@ from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.simulation import thin
 from endolock.hw.api import AXES, ConfigError, Vector
 from endolock.hw.rotation import to_vector
+from endolock.hw.strict import shown
 from endolock.scripts.runs import run_folder
 
 TIME = "t_s"
@@ -26,6 +28,10 @@ TENSIONS = tuple(f"tension_{wire}_n" for wire in ("up", "right", "down", "left")
 LARGEST_HANDLE_RAD = 4 * pi
 LARGEST_BEND_RAD = 1.2 * pi
 """Larger numbers cannot be radians."""
+LARGEST_TENSION_N = 5000.0
+"""Larger numbers cannot be newtons in a wire of an endoscope."""
+MOST_ROWS = 1_000_000
+"""Most rows of a log [1]: 2.7 hours at 100 Hz. Assumed."""
 GAP_S = 0.5
 """Longest time without a row [s]; ten rows if they are further apart."""
 LEAST_TRAVEL_RAD = 0.3
@@ -73,41 +79,59 @@ def _folder(source: Path) -> HandleLog:
     return HandleLog(times, handle, np.array(vectors)[:, :2])
 
 
-def _table(source: Path) -> HandleLog:
+def _rows(source: Path) -> Iterator[list[str]]:
+    """Yield the rows of a CSV file."""
     try:
         with source.open(newline="", encoding="utf-8-sig") as file:
-            head, *rows = csv.reader(file)
+            yield from csv.reader(file)
     except FileNotFoundError:
         raise ConfigError(f"no log at {source}", "give a run folder or a CSV file") from None
-    except ValueError as error:
-        if isinstance(error, UnicodeDecodeError):
-            raise ConfigError(f"{source} is not UTF-8 text", "give a CSV file") from None
-        raise ConfigError(f"{source} is empty", "give a CSV file with a header") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{source} is not UTF-8 text", "give a CSV file") from None
     except (OSError, csv.Error) as error:
         raise ConfigError(
             f"cannot read {source}: {error}", "give a run folder or a CSV file"
         ) from None
+
+
+def _table(source: Path) -> HandleLog:
+    """Read a CSV file; columns of other names may hold anything."""
+    rows = _rows(source)
+    if (head := next(rows, None)) is None:
+        raise ConfigError(f"{source} is empty", "give a CSV file with a header")
     names = [name.strip() for name in head]
     if not any(names):
         raise ConfigError(f"{source} starts with an empty line", "give a CSV file with a header")
     for column in (TIME, *HANDLES, *BENDS):
         if column not in names:
             near = get_close_matches(column, names, 1)
-            hint = f"; is {near[0]} meant?" if near else f"; it has {', '.join(names)}"
+            hint = f"; is {near[0]} meant?" if near else f"; it has {', '.join(names)[:200]}"
             raise ConfigError(f"{source} has no column {column}{hint}")
-    columns: dict[str, list[float]] = {name: [] for name in names}
+    given = [name for name in TENSIONS if name in names]
+    if given and len(given) < len(TENSIONS):
+        raise ConfigError(f"{source} has {', '.join(given)}", "give all four tensions, or none")
+    used = (TIME, *HANDLES, *BENDS, *given)
+    for column in used:
+        if names.count(column) > 1:
+            raise ConfigError(f"{source} has column {column} more than once", "leave one of them")
+    places = [names.index(column) for column in used]
+    numbers = []
     for line, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
             continue
-        for name, cell in zip(names, row + [""] * len(names), strict=False):
-            columns[name].append(_number(source, line, name, cell))
-    tension = None
-    if given := [name for name in TENSIONS if name in names]:
-        if len(given) < len(TENSIONS):
-            raise ConfigError(f"{source} has {', '.join(given)}", "give all four tensions, or none")
-        tension = np.column_stack([columns[name] for name in TENSIONS])
-    handle, bend = (np.column_stack([columns[n] for n in names]) for names in (HANDLES, BENDS))
-    return HandleLog(np.array(columns[TIME]), handle, bend, tension)
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise ConfigError(
+                f"{source}, line {line}: {len(row)} values under {len(names)} columns",
+                "separate the values by commas, and write numbers with a point",
+            )
+        cells = row + [""] * (len(names) - len(row))
+        numbers.append([_number(source, line, names[n], cells[n]) for n in places])
+        if len(numbers) > MOST_ROWS:
+            raise ConfigError(
+                f"{source} has more than {MOST_ROWS} rows", "keep every tenth of them, or a part"
+            )
+    table = np.array(numbers).reshape(-1, len(used))
+    return HandleLog(table[:, 0], table[:, 1:3], table[:, 3:5], table[:, 5:] if given else None)
 
 
 def _number(source: Path, line: int, name: str, cell: str) -> float:
@@ -117,7 +141,7 @@ def _number(source: Path, line: int, name: str, cell: str) -> float:
             return value
     except ValueError:
         pass
-    raise ConfigError(f"{source}, line {line}: {name} is {cell!r}", "use a finite number")
+    raise ConfigError(f"{source}, line {line}: {name} is {shown(cell)}", "use a finite number")
 
 
 def _check(log: HandleLog) -> None:
@@ -137,6 +161,11 @@ def _check(log: HandleLog) -> None:
         )
     _check_radians("handle angles", log.handle, LARGEST_HANDLE_RAD)
     _check_radians("tip bends", log.bend, LARGEST_BEND_RAD)
+    if log.tension is not None and log.tension.max() > LARGEST_TENSION_N:
+        raise ConfigError(
+            f"tensions reach {log.tension.max():.4g} N, wanted 0 to {LARGEST_TENSION_N:g} N",
+            "give them in newtons",
+        )
     if log.tension is not None and log.tension.min() < -0.05 * np.ptp(log.tension):
         raise ConfigError("tensions are negative, but wires can only pull", "check sign and zero")
     if log.tension is not None and not log.tension[:, [log.axis, log.axis + 2]].max() > 0:

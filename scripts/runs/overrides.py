@@ -14,15 +14,17 @@ from __future__ import annotations
 import dataclasses
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field, ValidationError
 
 from endolock.hw import files
 from endolock.hw.api import ConfigError
-from endolock.twin.world import instrument_files, scenario
+from endolock.hw.strict import Strict, shown
+from endolock.twin.world import instrument_files, joint_conditions, scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
 
@@ -30,16 +32,14 @@ FOLDER = "disturbances"
 """Folder of the disturbances that come with the package, below `models`."""
 
 
-class Variation(BaseModel):
+class Variation(Strict):
     """Changes, by what they apply to."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     summary: str = ""
-    scenario: dict[str, Any] = {}
-    instrument: dict[str, float] = {}
-    instrument_times: dict[str, float] = {}
-    law: dict[str, Any] = {}
+    scenario: dict[str, Any] = Field(default_factory=dict)
+    instrument: dict[str, float] = Field(default_factory=dict)
+    instrument_times: dict[str, float] = Field(default_factory=dict)
+    law: dict[str, Any] = Field(default_factory=dict)
 
 
 class Task(NamedTuple):
@@ -66,20 +66,26 @@ def read(entry: str) -> Variation:
     """
     if "=" not in entry:
         values, name = files.read("disturbance", FOLDER, entry)
-        try:
-            return Variation.model_validate(values)
-        except ValidationError as error:
-            known = list(Variation.model_fields)
-            what, next_step = files.first_problem(error, lambda path: [] if path else known)
-            raise ConfigError(f"disturbance {name}: {what}", next_step) from None
+        return _variation(values, f"disturbance {name}: ")
     key, _, text = entry.partition("=")
     section, _, rest = key.partition(".")
     value = _value(text)
     if section in ("instrument", "law") and rest:
-        if section == "instrument" and not isinstance(value, int | float):
-            raise ConfigError(f"{entry}: {text!r} is not a number", "give one in SI units")
-        return Variation.model_validate({section: {rest: value}})
+        if section == "instrument" and (
+            isinstance(value, bool) or not isinstance(value, int | float)
+        ):
+            raise ConfigError(f"{key}: {shown(text)} is not a number", "give one in SI units")
+        return _variation({section: {rest: value}}, "")
     return Variation(scenario={key: value})
+
+
+def _variation(values: Mapping[str, Any], where: str) -> Variation:
+    try:
+        return Variation.model_validate(values)
+    except ValidationError as error:
+        known = list(Variation.model_fields)
+        what, next_step = files.first_problem(error, lambda path: [] if path else known)
+        raise ConfigError(f"{where}{what}", next_step) from None
 
 
 def expand(entry: str) -> list[str]:
@@ -110,19 +116,21 @@ def apply(
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
     instrument = instrument_files.load(instrument)
-    base = scenario.load(source)
+    lists = scenario.values_of(source)[0]
     for entry in entries:
         variation = read(entry)
         for key, value in _flat(variation.scenario).items():
             extends = "=" not in entry and isinstance(value, list)
             if extends and value and isinstance(value[0], dict):
-                before = changes.get(key, [part.model_dump() for part in getattr(base, key, ())])
-                value = [*before, *value]
+                before = changes.get(key, lists.get(key, []))
+                value = [*(before if isinstance(before, list | tuple) else [before]), *value]
             changes[key] = value
         instrument = _changed(instrument, variation)
         law |= variation.law
     changes |= options or {}
-    return Task(scenario.load(source, changes), instrument, law, changes)
+    loaded = scenario.load(source, changes)
+    joint_conditions.check_shaft(loaded, instrument)
+    return Task(loaded, instrument, law, changes)
 
 
 def _changed(instrument: Instrument, variation: Variation) -> Instrument:
@@ -134,7 +142,9 @@ def _changed(instrument: Instrument, variation: Variation) -> Instrument:
             raise ConfigError(f"an instrument has no {name}", hint)
     values |= variation.instrument
     times = variation.instrument_times
-    return Instrument(**{name: v * times.get(name, 1.0) for name, v in values.items()})
+    return Instrument(
+        **{name: v * times[name] if name in times else v for name, v in values.items()}
+    )
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -146,11 +156,15 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """Read a TOML value; anything else is taken as text."""
+    """Read a TOML value, or a number such as .5; anything else is taken as text."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
+        read = tomllib.loads(f"value = {text}")
+        if len(read) == 1:  # no further lines
+            return read["value"]
+    except (ValueError, RecursionError):
+        with suppress(ValueError):
+            return float(text)
+    return text
 
 
 def label(entries: Sequence[str]) -> str:

@@ -198,12 +198,24 @@ def test_the_oracle_is_refused_on_a_bench() -> None:
     [
         ("pi", {"kd": 1.0}, "pi has no law.kd; it has ki, kp"),
         ("still", {"kp": 1.0}, "still has no law.kp; it has no settings"),
-        ("pi", {"kp": -1.0}, "kp is -1; use a finite number, 0 or more"),
+        ("pi", {"kp": -1.0}, "pi: law.kp: got -1 rad/rad, wanted 0 to 100 rad/rad; give a number"),
+        ("pi", {"kp": True}, "pi: law.kp: should be a valid number, got true"),
+        ("predictive", {"capstan": 1}, "law.capstan: should be a valid boolean, got 1"),
+        ("predictive", {"densities": []}, "0 densities, wanted 1 to 16"),
+        ("predictive", {"densities": [0.1, "x"]}, "law.densities.1: should be a valid number"),
+        ("repetitive", {"period_s": 1, "points": 96.0}, "law.points: should be a valid integer"),
+        ("oracle", {"plays": 3}, "law.plays: .* got 3"),
+        ("oracle", {"plays": {"radii": [-1], "weights": [1]}}, "plays.radii.0: got -1 rad, wanted"),
+        ("oracle", {"plays": {"radii": [1], "weights": []}}, "give the same number of each"),
         ("pi", {"kp": "much"}, "pi: law.kp: .* got 'much'"),
         ("pi_hc", {"form": "round"}, "pi_hc: law.form"),
-        ("pi_hc", {"width": -0.1}, "compensation: width -0.1"),
+        ("pi_hc", {"width": -0.1}, "pi_hc: law.width: got -0.1, wanted 0 to 4"),
         ("repetitive", {}, "repetitive needs law.period_s; give it with --vary law.period_s"),
-        ("smith", {"closed_loop_s": 0.0}, "closed_loop_s is 0; use a finite number above 0"),
+        (
+            "smith",
+            {"closed_loop_s": 0.0},
+            "smith: law.closed_loop_s: got 0 s, wanted 0.001 to 1000 s",
+        ),
     ],
 )
 def test_settings_out_of_range_are_refused(name: str, changes: dict[str, Any], why: str) -> None:

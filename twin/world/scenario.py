@@ -121,12 +121,9 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
         ConfigError: there is no such scenario, the file is not TOML, a key is unknown, or a value
             is out of range.
     """
-    if isinstance(source, Scenario):
-        if not overrides:
-            return source
-        values, name = source.model_dump(exclude={"name"}, exclude_none=True), source.name
-    else:
-        values, name = files.read("scenario", FOLDER, str(source))
+    if isinstance(source, Scenario) and not overrides:
+        return source
+    values, name = values_of(source)
     if "name" in values:
         raise ConfigError(
             f"scenario {name}: unknown key name", "the name of a scenario is that of its file"
@@ -148,6 +145,20 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
         elsewhere = {key: f"{part}.{key}" for part in parts for key in _keys((part,))}
         what, next_step = files.first_problem(error, _keys, elsewhere)
         raise ConfigError(f"scenario {name}: {what}", next_step) from None
+
+
+def values_of(source: str | Path | Scenario) -> tuple[dict[str, Any], str]:
+    """Return the values of a scenario as they are, and its name.
+
+    Args:
+        source: as for `load`.
+
+    Raises:
+        ConfigError: there is no such scenario, or the file is not TOML.
+    """
+    if isinstance(source, Scenario):
+        return source.model_dump(exclude={"name"}, exclude_none=True), source.name
+    return files.read("scenario", FOLDER, str(source))
 
 
 def sources(
