@@ -87,6 +87,14 @@ def test_the_window_listens_on_this_machine_only(
     assert not traps.sprung(tmp_path)
 
 
+def test_a_run_shown_afterwards_is_served_on_this_machine_only(
+    no_screen: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["run", "rest", "--vision", "truth", "--duration-s", "0.1", "--view"]
+    assert cli.main([*args, "--out", str(tmp_path / "run")]) == 0
+    assert "run.rrd --bind 127.0.0.1 --serve-web" in capsys.readouterr().out
+
+
 def test_host_opens_it_with_a_warning(
     folder: Path, no_screen: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
