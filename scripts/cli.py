@@ -9,11 +9,19 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from typing import Annotated, Any, Union
 
 import endolock
-from endolock.hw.api import ConfigError, EndolockError, HardwareError
-from endolock.hw.errors import DamageWarning, for_people
+from endolock.hw.errors import (
+    ConfigError,
+    DamageWarning,
+    EndolockError,
+    HardwareError,
+    did_you_mean,
+    for_people,
+)
+from endolock.scripts.interruption import ended_at_once, interrupted_once
 
 DESCRIPTION = (
     "Digital twin of a robot-steered flexible endoscope, and its target lock. "
@@ -36,9 +44,9 @@ def main(args: Sequence[str] | None = None) -> int:
 def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
     """Call a command with its arguments; report each expected error in one line and a code."""
     try:
-        with _damage_in_one_line():
+        with interrupted_once(), _damage_in_one_line():
             code = call(args)
-        sys.stdout.flush()  # here, so that a closed pipe is handled below
+            sys.stdout.flush()  # here, so that a closed pipe is handled below
         return code
     except HardwareError as error:
         return _fail(for_people(error), 3)
@@ -47,7 +55,7 @@ def guarded(call: Callable[[list[str]], int], args: list[str]) -> int:
     except KeyboardInterrupt as stop:
         return _fail(f"interrupted {stop}", 130)
     except SystemExit as stop:  # --help
-        return int(stop.code or 0)
+        return stop.code if isinstance(stop.code, int) else 2 if stop.code else 0
     except BrokenPipeError:
         # The reader closed the pipe; keep Python from reporting it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -89,16 +97,30 @@ def fold(box: str) -> str:
 
 
 def _dispatch(args: list[str]) -> int:
-    # Imported here, so that `guarded` reports a Ctrl-C or an import error in one line.
-    import tyro
+    # Imported here, so that a Ctrl-C or an import error is reported in one line.
+    with ended_at_once():
+        import tyro
 
-    from endolock.scripts.commands.doctor import examination
+        from endolock.scripts.commands.doctor import examination
 
     if args == ["--version"]:
         print(endolock.__version__)
         return 0
     if args[:1] == ["doctor"]:  # it must work where other commands cannot be imported
-        return examination.main(parse(examination.Request, "endolock doctor", args[1:]))
+        known = {"doctor": examination}
+        request = _parsed(examination.Request, "endolock doctor", args[1:], args, known)
+        return _carried_out(examination, request)
+    with ended_at_once():
+        modules = _commands()
+    modules["doctor"] = examination
+    kinds = [Annotated[m.Request, tyro.conf.subcommand(name)] for name, m in modules.items()]
+    request = _parsed(Union[tuple(kinds)], "endolock", args, args, modules)  # noqa: UP007
+    (command,) = (m for m in modules.values() if type(request) is m.Request)
+    return _carried_out(command, request)
+
+
+def _commands() -> dict[str, Any]:
+    """Import the modules of all commands but doctor, by name."""
     try:
         from endolock.scripts.commands import (
             benchmark,
@@ -122,7 +144,7 @@ def _dispatch(args: list[str]) -> int:
             f"MuJoCo cannot load OpenGL with MUJOCO_GL={endolock.opengl()} ({error})",
             "install that library (Debian and Ubuntu: apt install libegl1 libgl1), or unset it",
         ) from error
-    modules: dict[str, Any] = {
+    return {
         "run": run,
         "compare": compare,
         "hysteresis": hysteresis,
@@ -134,13 +156,37 @@ def _dispatch(args: list[str]) -> int:
         "bus": bus,
         "view": view,
         "emulator": emulator,
-        "doctor": examination,
         "benchmark": benchmark,
     }
-    kinds = [Annotated[m.Request, tyro.conf.subcommand(name)] for name, m in modules.items()]
-    request = parse(Union[tuple(kinds)], "endolock", args)  # noqa: UP007
-    (command,) = (m for m in modules.values() if type(request) is m.Request)
-    return int(command.main(request))
+
+
+def _parsed(kind: Any, prog: str, rest: list[str], args: list[str], modules: dict[str, Any]) -> Any:
+    """Parse the rest of the arguments; propose a name where one is misspelt."""
+    try:
+        return parse(kind, prog, rest)
+    except ConfigError as error:
+        raise ConfigError(f"{error.what}{_proposal(args, modules)}") from None
+
+
+def _proposal(args: list[str], modules: dict[str, Any]) -> str:
+    """Return "; did you mean NAME?" for the first command or option that does not exist."""
+    command = args[0] if args else "-"
+    if command not in modules:
+        return "" if command.startswith("-") else did_you_mean(command, modules)
+    names = [field.name.replace("_", "-") for field in fields(modules[command].Request)]
+    options = [f"--{name}" for name in (*names, *(f"no-{name}" for name in names), "help")]
+    given = (arg.partition("=")[0].replace("_", "-") for arg in args[1:] if arg.startswith("--"))
+    unknown = next((option for option in given if option not in options), "")
+    return did_you_mean(unknown, options) if unknown else ""
+
+
+def _carried_out(command: Any, request: Any) -> int:
+    """Carry out a command; with --json - its JSON has standard output for itself."""
+    from endolock.scripts.runs import output
+
+    alone = getattr(request, "json", None) == "-"
+    with output.json_alone() if alone else contextlib.nullcontext():
+        return int(command.main(request))
 
 
 @contextlib.contextmanager

@@ -2,14 +2,55 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
+import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from endolock.hw import files
 from endolock.hw.api import ConfigError
+
+_json: ContextVar[TextIO | None] = ContextVar("_json", default=None)
+"""Where `write_json` writes while standard output is kept for it; None for standard output."""
+
+
+@contextmanager
+def json_alone() -> Iterator[None]:
+    """Keep standard output for `write_json`: all else that is written to it goes to standard error.
+
+    This includes what a library in C or a child process writes to file descriptor 1.
+
+    Raises:
+        ConfigError: standard output is closed.
+    """
+    before = sys.stdout
+    if before is None or before.closed:
+        raise ConfigError("standard output is closed", "give --json a file")
+    before.flush()
+    kept = os.dup(1)
+    direct = before is sys.__stdout__  # otherwise it is captured, such as by a test
+    stream = os.fdopen(os.dup(1), "w", encoding="utf-8") if direct else before
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    token = _json.set(stream)
+    try:
+        yield
+        if direct:
+            stream.close()
+    finally:
+        _json.reset(token)
+        with suppress(OSError, ValueError):
+            before.flush()  # what was written to sys.__stdout__ meanwhile
+        with suppress(OSError, AttributeError, TypeError):
+            ctypes.CDLL(None).fflush(None)  # and by C code
+        os.dup2(kept, 1)
+        os.close(kept)
+        sys.stdout = before
 
 
 def check_json(target: str | None) -> None:
@@ -35,6 +76,6 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
         return
     text = json.dumps(record, indent=2, allow_nan=False) + "\n"
     if target == "-":
-        sys.stdout.write(text)
+        (_json.get() or sys.stdout).write(text)
         return
     files.write_whole(Path(target), text, "use another --json")
