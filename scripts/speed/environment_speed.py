@@ -11,8 +11,8 @@ from endolock.scripts.speed.median_times import median_times
 
 
 def available() -> bool:
-    """Whether the packages of the environments are installed."""
-    return find_spec("gymnasium") is not None and find_spec("dm_control") is not None
+    """Whether Gymnasium is installed."""
+    return find_spec("gymnasium") is not None
 
 
 def environments() -> dict[str, float]:

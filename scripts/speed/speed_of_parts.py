@@ -36,7 +36,7 @@ MEASURES: Mapping[str, Callable[[], dict[str, Any]]] = {
 
 
 def measure(progress: Callable[[str], None] = lambda _part: None) -> dict[str, dict[str, Any]]:
-    """Take all measurements; those of the environments only where their packages are installed.
+    """Take all measurements; those of the environments only where Gymnasium is installed.
 
     Args:
         progress: called with the key of each measurement before it is taken.
