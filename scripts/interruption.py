@@ -7,13 +7,14 @@ the command closes its rig and its files is ignored.
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+import endolock
 
 CLOSING_S = 10.0
 """For this time after an interruption further signals are ignored [s]. Assumed: the longest time in
@@ -40,13 +41,8 @@ def interrupted_once() -> Iterator[None]:
 @contextmanager
 def ended_at_once() -> Iterator[None]:
     """End the process at the first signal, in one line; for imports."""
-    with _handled(_end):
+    with _handled(endolock._end_at_once):
         yield
-
-
-def _end(_number: int, _frame: FrameType | None) -> None:
-    os.write(2, b"endolock: interrupted\n")
-    os._exit(130)
 
 
 @contextmanager
