@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 from tests import traps
 
+from endolock.scripts.runs import batch
+from endolock.scripts.runs.experiment import Experiment
+
 ENDOLOCK = shutil.which("endolock", path=str(Path(sys.executable).parent))
 LAW = """
 import gain_of_mine
@@ -46,3 +49,14 @@ def test_files_beside_a_law_are_not_executed_in_place_of_modules(
     done = _endolock(tmp_path, *args)
     assert not traps.sprung(tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+def test_workers_of_a_batch_execute_none_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traps.lay(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(batch, "WORKERS", 1)
+    (run,) = batch.perform([Experiment(scenario="rest", vision="truth", duration_s=0.1)])
+    assert run is not None
+    assert not traps.sprung(tmp_path)

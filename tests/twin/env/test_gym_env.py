@@ -1,10 +1,12 @@
 """The Gymnasium environments pass the checker and equal those of dm-control."""
 
 import multiprocessing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests import traps
 
 from endolock.hw.api import ConfigError
 from endolock.twin.world import scenario
@@ -127,8 +129,13 @@ def test_render_shows_what_pixels_observe(gymnasium: Any) -> None:
         type(made.unwrapped)(render_mode="human")
 
 
-def test_parallel_environments_have_own_seeds_and_equal_single_ones(gymnasium: Any) -> None:
+def test_parallel_environments_have_own_seeds_and_equal_single_ones(
+    gymnasium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from endolock.twin.env import gym_env
+
+    traps.lay(tmp_path)
+    monkeypatch.chdir(tmp_path)
 
     noisy = scenario.load("circle", {"camera.latency_s": 0.1, "camera.jitter_s": 0.05})
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 2, 2)).astype(np.float32)
@@ -149,6 +156,7 @@ def test_parallel_environments_have_own_seeds_and_equal_single_ones(gymnasium: A
         several.close()
         single.close()
     assert not multiprocessing.active_children()
+    assert not traps.sprung(tmp_path)
 
 
 def test_the_speed_benchmark_runs(gymnasium: Any) -> None:
