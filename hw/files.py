@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from endolock.hw.errors import ConfigError, EndolockError, did_you_mean
-from endolock.hw.strict import shown
+from endolock.hw.strict import shortened, shown
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls an unknown key, in models and in dataclasses."""
@@ -28,6 +28,9 @@ _TYPES = {
     "string_type": "give a text in quotes",
     "finite_number": "give a finite number",
     "tuple_type": "give an array, such as [0.0, 1.0]",
+    "literal_error": "use one of these",
+    "model_type": "give a table, with a key and a value in each line",
+    "model_attributes_type": "give a table, with a key and a value in each line",
 }
 """What to do about a value of the wrong type, by what pydantic calls it."""
 
@@ -185,7 +188,7 @@ def first_problem(
             level and has exactly that name.
     """
     problem = min(error.errors(), key=lambda found: found["type"] not in _UNKNOWN)
-    path = tuple(str(part) for part in problem["loc"])
+    path = tuple(shortened(str(part), 60) for part in problem["loc"])
     where = ".".join(path)
     if problem["type"] in _UNKNOWN:
         *section, name = path
@@ -201,22 +204,25 @@ def first_problem(
 
 
 def _explained(problem: Any, where: str) -> tuple[str, str]:
-    """Return what is wrong with one value, and what to do where that is known."""
+    """Return what is wrong with one value, and what to do."""
     kind, value = problem["type"], problem["input"]
     if kind == "value_error":  # raised by a check of ours
         error = problem["ctx"]["error"]
         known = isinstance(error, EndolockError)
         return (error.what, error.next_step) if known else (str(error), "")
     if kind == "missing":
-        return str(problem["msg"]), ""
+        return str(problem["msg"]), "give it"
+    if kind == "union_tag_invalid":
+        given, key, known = (problem["ctx"][k] for k in ("tag", "discriminator", "expected_tags"))
+        return f"Input tag {shown(given)} found using {key}", f"use {known}"
     if kind == "union_tag_not_found":
-        return f"{problem['ctx']['discriminator']} is missing", ""
+        return f"{problem['ctx']['discriminator']} is missing", "give it"
     if kind == "tuple_type" and isinstance(value, dict):
         return "there may be several", f"write [[{where}]]"
     if kind == "model_type" and isinstance(value, list | tuple):
         return "there is only one", f"write [{where}]"
     what = f"{problem['msg'].replace('Input should be', 'should be')}, got {shown(value)}"
-    return what, _TYPES.get(kind, "")
+    return what, _TYPES.get(kind, "correct it")
 
 
 def _models(folder: str) -> Any:

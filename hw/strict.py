@@ -83,6 +83,8 @@ class Bounded:
             return value
         unit = f" {self.unit}" if self.unit else ""
         given, low, high = (_number(number) for number in (value, self.low, self.high))
+        if given in (low, high):  # just outside
+            given = shown(value)
         raise ConfigError(
             f"got {given}{unit}, wanted {low} to {high}{unit}",
             self.hint or f"give a number in this range{f', in {self.unit}' if unit else ''}",
@@ -124,7 +126,12 @@ def shown(value: Any) -> str:
         text = repr(value)
     except ValueError:  # Python prints no integer of more than 4300 digits
         return "a very long value"
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return shortened(text)
+
+
+def shortened(text: str, length: int = 80) -> str:
+    """Return a text, its end left out if it is longer than a number of characters."""
+    return text if len(text) <= length else f"{text[: length - 3]}..."
 
 
 def _number(value: float) -> str:
