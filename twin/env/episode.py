@@ -126,7 +126,8 @@ class Episode:
     def act_on_scale(self, action: ArrayLike) -> None:
         """Take an action in shares of the handles' range, from -1 to 1; otherwise as `act`."""
         low, high = goal_range(self._rig)
-        self.act(low + (self._checked(action) + 1.0) / 2.0 * (high - low))
+        share = np.clip(self._checked(action), -1.0, 1.0)
+        self.act(low + (share + 1.0) / 2.0 * (high - low))
 
     def tick(self) -> None:
         """Send the action, read the handles, and observe the newest frame if it is new.
