@@ -37,6 +37,8 @@ AGAIN_S = 0.1
 """Pause before a source is opened again [s]. Assumed."""
 CLOSE_S = picture_source.SILENT_S + 1.0
 """Closing waits at most this time for a grab in progress [s]: it ends after `SILENT_S`."""
+LOOK = "check the camera and its cable or network"
+"""What to do about a source that gives no pictures."""
 
 
 class Ending(NamedTuple):
@@ -48,6 +50,8 @@ class Ending(NamedTuple):
     """The reason, for people."""
     final: bool
     """Whether no other can come, so that nothing is tried any more."""
+    next_step: str
+    """What to do about it."""
 
 
 class VideoCamera:
@@ -165,15 +169,12 @@ class VideoCamera:
         """Raise if no picture can be expected after the one at `t` [s]."""
         now, ending = self._clock.now(), self._ending
         if ending is not None and (ending.final or now - ending.t > REOPEN_S):
-            raise HardwareError(
-                f"the video ended: {self._source} {ending.what}",
-                "check the camera and its cable or network",
-                t=now,
-            )
+            what = f"the video ended: {self._source} {ending.what}"
+            raise HardwareError(what, ending.next_step, t=now)
         if now - t > self._timeout_s:
             raise HardwareError(
                 f"the video stopped: {self._source} gave no picture for {self._timeout_s:g} s",
-                "check the camera and its cable or network",
+                LOOK,
                 t=now,
             )
 
@@ -245,15 +246,16 @@ class VideoCamera:
             elif picture is not None:
                 self._miss(
                     f"now gives pictures of {picture.shape[1]}x{picture.shape[0]} px instead of "
-                    f"{width}x{height} px"
+                    f"{width}x{height} px",
+                    next_step="keep it at one size",
                 )
             seq += 1
         return seq
 
-    def _miss(self, what: str, final: bool = False) -> None:
+    def _miss(self, what: str, final: bool = False, next_step: str = LOOK) -> None:
         """Note why no picture comes, unless the reason is known already."""
         if self._ending is None or (final and not self._ending.final):
-            self._ending = Ending(self._clock.now(), what, final)
+            self._ending = Ending(self._clock.now(), what, final, next_step)
 
     def _wait_until(self, t: float) -> bool:
         """Sleep until `t` [s] in short steps; return False once it is closed."""
