@@ -104,9 +104,9 @@ def _kind(parameter: inspect.Parameter) -> type:
 
 
 def _fits(value: Any, kind: type) -> bool:
-    if kind not in KINDS or isinstance(value, bool):
-        return kind in (bool, object)
-    return isinstance(value, int) or (kind is float and isinstance(value, float))
+    if kind is bool or isinstance(value, bool):
+        return kind is object or (kind is bool and isinstance(value, bool))
+    return kind is object or isinstance(value, (int, float) if kind is float else int)
 
 
 _fresh: dict[Path, tuple[int, UserLaw]] = {}

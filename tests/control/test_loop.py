@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, nan
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,7 +14,9 @@ from hypothesis import strategies as st
 from endolock.control import loop
 from endolock.control.laws.pi import PI
 from endolock.hw.api import Command, ConfigError, DeviceFault, Frame, Mode, State
+from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.rig import TwinRig
+from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import Circle
 from endolock.twin.world.scenario import Scenario
@@ -60,6 +65,21 @@ class Constant:
         self.inputs.append((t, state, observation))
         self.given.append(Command(position=self._position))
         return self.given[-1]
+
+
+class Failing:
+    """Leaves the program in the reset, or fails later on."""
+
+    def __init__(self, resets: int) -> None:
+        self._resets = resets
+
+    def reset(self, state: State) -> None:
+        """Start, or leave."""
+        if not self._resets:
+            sys.exit(0)
+
+    def update(self, t: float) -> None:
+        """Take too few arguments."""
 
 
 class Watched:
@@ -290,3 +310,141 @@ class Winding:
         """Go on."""
         self.goal += 0.0005
         return Command(position=(self.goal, 0.0))
+
+
+class Reused:
+    """Keeps one array, one list or one command, and changes it after it was returned."""
+
+    def __init__(self, kind: str, steps: list[tuple[float, float]]) -> None:
+        self.meant: list[tuple[float, ...]] = []
+        self.signals = {"n": 0.0}
+        self._kind, self._steps = kind, steps
+
+    def reset(self, state: State) -> None:
+        """Start at the handles."""
+        self._array = np.array(state.position)
+        self._list = list(state.position)
+        self._command = Command(position=self._array)  # type: ignore[arg-type]  # a user may
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Change in place what was returned before, and return it again."""
+        step = self._steps[len(self.meant) % len(self._steps)]
+        self._array += step
+        self._list[:] = self._array.tolist()
+        self.meant.append(tuple(self._list))
+        self.signals["n"] = float(len(self.meant))
+        if self._kind == "list":
+            return Command(position=self._list)
+        if self._kind == "view":
+            return Command(position=self._array[:])  # type: ignore[arg-type]
+        if self._kind == "field":
+            object.__setattr__(self._command, "position", self._list)
+        return self._command
+
+
+steps = st.floats(-0.02, 0.02).map(lambda x: round(x, 6))
+
+
+@settings(max_examples=12)
+@given(
+    st.sampled_from(["list", "view", "array", "field"]),
+    st.lists(st.tuples(steps, steps), min_size=1, max_size=5),
+)
+def test_each_tick_gets_the_command_that_was_meant_for_it(
+    kind: str, moves: list[tuple[float, float]]
+) -> None:
+    check_reused(SurrogateRig("rest"), kind, moves)
+
+
+@pytest.mark.parametrize("make", [TwinRig, HilRig])
+def test_so_it_is_on_the_twin_and_on_the_emulated_bus(make: type[TwinRig | HilRig]) -> None:
+    check_reused(make("rest", pictures=False), "array", [(0.01, -0.02), (-0.03, 0.0)])
+
+
+def check_reused(rig: SurrogateRig | TwinRig | HilRig, kind: str, moves: Any) -> None:
+    """Run a law that changes its commands afterwards, and compare what was sent and recorded."""
+    law, rows = Reused(kind, moves), Rows()
+    with rig:
+        result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=0.2, recorder=rows)
+    sent = [tick.command.position for tick in result.ticks[1:] if tick.command]
+    assert sent == law.meant[:-1]
+    assert [tick.signals["n"] for tick in result.ticks[1:]] == list(range(1, len(sent) + 1))
+    assert rows.ticks == result.ticks
+    for tick in result.ticks[1:]:  # moves are slower than the handles may be, so none is clipped
+        assert tick.command
+        # half an encoder step of 0.088 deg, and rounding
+        assert tick.state.goal == pytest.approx(tick.command.position, abs=0.00077 + 1e-9)
+
+
+class Forgetful:
+    """Eyes that keep one array and one list, and change them with each frame."""
+
+    def __init__(self) -> None:
+        self.pixel, self.corners = np.zeros(2), [[0.0, 0.0]]
+
+    def __call__(self, frame: Frame) -> Observation:
+        """See the target at the number of the frame."""
+        self.pixel[:] = self.corners[0][0] = frame.seq
+        return Observation(
+            t_capture=frame.t_capture,
+            seq=frame.seq,
+            status=Status.TRACKING,
+            target_px=self.pixel,  # type: ignore[arg-type]  # a user may
+            corners_px=self.corners,  # type: ignore[arg-type]
+        )
+
+
+def test_each_frame_keeps_the_observation_that_was_made_of_it() -> None:
+    with SurrogateRig("rest") as rig:
+        result = loop.run(rig, Forgetful(), Constant(0, 0), duration_s=1.0)
+    assert len(result.seen) == 16  # 25 Hz, 0.4 s late
+    for seen in result.seen:
+        n = seen.frame.seq
+        assert seen.observation.target_px == (n, n)
+        assert seen.observation.corners_px == ((n, 0.0),)
+
+
+def _eyes(**changes: Any) -> Any:
+    plain: dict[str, Any] = {"t_capture": 0.0, "seq": 0, "status": Status.SEARCHING}
+    return lambda frame: Observation(**plain | changes)
+
+
+@pytest.mark.parametrize(
+    ("eyes", "why"),
+    [
+        (lambda frame: None, "returned NoneType for frame 0; return an endolock.Observation"),
+        (lambda frame: 1 / 0, "looking at a frame failed: ZeroDivisionError: division by zero"),
+        (lambda frame: sys.exit(0), "looking at a frame failed: SystemExit: 0"),
+        (_eyes(target_px=None), "target_px None in the observation of frame 0"),
+        (_eyes(target_px=(1.0,)), r"target_px \(1.0,\) in the observation"),
+        (_eyes(status="seen"), "status 'seen' in the observation"),
+        (_eyes(status=Status.TRACKING), r"target_px \(nan, nan\) in the observation"),
+        (_eyes(corners_px=[1.0]), r"corners_px \[1.0\] in the observation"),
+        (_eyes(covariance="abc"), "covariance 'abc' in the observation"),
+        (3, "int cannot be called with a frame"),
+    ],
+)
+def test_eyes_that_return_rubbish_end_the_run_in_one_line(eyes: Any, why: str) -> None:
+    with SurrogateRig("rest") as rig:
+        with pytest.raises(ConfigError, match=why) as caught:
+            loop.run(rig, eyes, Constant(0, 0), duration_s=0.5)
+        assert rig.actuators.mode in (Mode.HOLDING, Mode.DISABLED)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("law", "why"),
+    [
+        (object(), r"^object: object, which has no reset\(\)"),
+        (Constant, r"the class Constant, which has no reset\(\)"),
+        (Constant(0.0), r"Constant: update returned the position \(0.0,\) at 0.00 s"),
+        (Constant("a", "b"), r"update returned the position \('a', 'b'\)"),  # type: ignore[arg-type]
+        (Failing(1), r"Failing: update failed: TypeError: .* \(line \d+\)"),
+        (Failing(0), r"Failing: reset failed: SystemExit: 0 \(line \d+\)"),
+    ],
+)
+def test_a_controller_object_is_checked_in_the_loop_too(law: Any, why: str) -> None:
+    with SurrogateRig("rest") as rig:
+        with pytest.raises(ConfigError, match=why):
+            loop.run(rig, TruthEyes(rig.truth), law, duration_s=0.5)
+        assert rig.actuators.mode in (Mode.HOLDING, Mode.DISABLED)

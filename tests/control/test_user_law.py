@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from endolock import Calibration, Command, ConfigError, Experiment, read_run
 from endolock.control import user_law
+from endolock.control.user_code import Caller
+from endolock.hw.errors import for_people
 from endolock.scripts import cli
 from endolock.scripts.runs import run_folder
 
@@ -246,6 +253,176 @@ def test_what_a_file_does_wrong_is_one_line_that_names_its_own_line(
     file.write_text(text)
     with pytest.raises(ConfigError, match=rf"^mine\.py: {why}"):
         run(file).run()
+
+
+RAISED = {
+    "sys.exit(0)": "SystemExit: 0",
+    "sys.exit('bye')": "SystemExit: bye",
+    "raise KeyboardInterrupt": "KeyboardInterrupt: no message",
+    "raise GeneratorExit": "GeneratorExit: no message",
+    "raise Own('mine')": "Own: mine",
+    "raise Dumb": "Dumb: its message cannot be shown",
+}
+"""What a law may raise, and what is said about it."""
+WHERE = {
+    "": "cannot be executed",
+    "make": "make failed",
+    "reset": "reset failed",
+    "update": "update failed",
+    "signals": "signals failed",
+}
+"""Where a law may raise it."""
+RAISING = """
+import sys
+from endolock import Command
+
+class Own(BaseException): ...
+class Dumb(Exception):
+    def __str__(self): raise self
+
+def at(place):
+    if place == "{place}":
+        {raised}
+
+class Law:
+    def reset(self, state): at("reset")
+    @property
+    def signals(self): at("signals"); return {{}}
+    def update(self, t, state, observation): at("update"); return Command(position=(0.0, 0.0))
+
+def make(calibration): at("make"); return Law()
+at("")
+"""
+
+
+def brief(file: Path, **changes: Any) -> Experiment:
+    """A tenth of a second of a law from a file, without physics."""
+    return replace(run(file), rig="surrogate", duration_s=0.1, **changes)
+
+
+@pytest.mark.parametrize("place", WHERE)
+@pytest.mark.parametrize("raised", RAISED)
+def test_whatever_a_law_raises_anywhere_is_one_line_with_its_place(
+    raised: str, place: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(RAISING.format(place=place, raised=raised))
+    with pytest.raises(ConfigError) as caught:
+        brief(file).run()
+    assert str(caught.value) == f"mine.py: {WHERE[place]}: {RAISED[raised]} (line 11)"
+    assert not (tmp_path / "run" / "metrics.json").exists()
+
+
+def test_an_exit_of_a_module_beside_the_law_names_the_line_that_imports_it(tmp_path: Path) -> None:
+    (tmp_path / "beside_of_mine.py").write_text("raise SystemExit('usage: ...')\n")
+    file = tmp_path / "mine.py"
+    file.write_text(f"import beside_of_mine\n{LAW}")
+    with pytest.raises(ConfigError, match=r"cannot be executed: SystemExit: usage: .*\(line 1\)"):
+        brief(file).resolve()
+
+
+def test_an_error_of_endolock_keeps_its_type_and_message(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from endolock import ConfigError, DeviceFault"
+        + LAW.replace("pass", "raise ConfigError('gain 9', 'use 1')")
+    )
+    with pytest.raises(ConfigError, match="gain 9; use 1") as caught:
+        brief(file).run()
+    assert for_people(caught.value) == "gain 9; use 1; raised by mine.py (line 6)"
+
+
+def test_no_run_depends_on_what_another_left_in_the_file_or_the_process(tmp_path: Path) -> None:
+    (tmp_path / "state_of_mine.py").write_text("CALLS = []\n")
+    (tmp_path / "elsewhere").mkdir()
+    file = tmp_path / "mine.py"
+    text = LAW.replace("pass", "os.chdir(FOLDER); np.seterr(all='raise'); sys.stdout = None")
+    text = text.replace("(self.angle, 0.0)", "(0.01 * len(state_of_mine.CALLS), 0.0)").replace(
+        "self.signals = ", "state_of_mine.CALLS.append(t); sys.stdout = None; x = "
+    )
+    file.write_text(f"import os, sys\nimport numpy as np\nimport state_of_mine\n{text}")
+    file.write_text(file.read_text().replace("FOLDER", repr(str(tmp_path / "elsewhere"))))
+    here, stdout, errors = Path.cwd(), sys.stdout, np.geterr()
+    records = [brief(file, out=tmp_path / name).run() for name in ("a", "b")]
+    first, second = (read_run(record.folder).ticks for record in records)
+    assert first.equals(second)
+    assert first["command_rad"][-1].as_py()[0] == pytest.approx(0.05)  # 5 of 6 updates were sent
+    assert (Path.cwd(), np.geterr()) == (here, errors)
+    assert sys.stdout is stdout
+
+
+def test_a_law_may_change_the_folder_though_the_run_folder_is_relative(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "mine.py"
+    file.write_text("import os\n" + LAW.replace("pass", "os.chdir('/')"))
+    record = brief(file, out=Path("run")).run()
+    assert read_run(record.folder).record == record
+    assert (tmp_path / "run" / "metrics.json").exists()
+
+
+def test_laws_in_several_threads_print_to_standard_error_and_others_where_they_like(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def shout(text: str) -> None:
+        for _ in range(200):
+            print(text)
+
+    callers = [Caller(name, None, copy_context(), quiet=True) for name in "abc"]
+    with ThreadPoolExecutor(4) as pool:
+        laws = [(caller, partial(shout, f"law {caller.name}")) for caller in callers]
+        done = [pool.submit(caller.call, "update", law) for caller, law in laws]
+        done.append(pool.submit(shout, "user"))
+        for task in done:
+            task.result()
+    out, err = capsys.readouterr()
+    assert out == "user\n" * 200
+    assert len(err.split()) == 3 * 200 * 2
+    print("afterwards")
+    assert capsys.readouterr().out == "afterwards\n"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "change", "got"),
+    [
+        ("gain=1.0", "law.gain=.5", 0.5),
+        ("gain=1.0", "law.gain=5.", 5.0),
+        ("gain=1.0", "law.gain=1e-3", 0.001),
+        ("gain=1", "law.gain=1.5", 1.5),  # a default of 1 may stand for 1.0
+        ("gain: int = 1", "law.gain=2", 2),
+        ("gain: 'float' = 1", "law.gain=-.5e1", -5.0),
+        ("on=False", "law.on=true", True),
+        ("name='x'", "law.name=abc", "abc"),
+        ("anything=None", "law.anything=abc", "abc"),
+    ],
+)
+def test_a_parameter_gets_a_value_of_its_kind(
+    parameter: str, change: str, got: object, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW.replace("angle=0.0", parameter))
+    (value,) = run(file, change).resolve().settings.values()
+    assert (type(value), value) == (type(got), got)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "change", "why"),
+    [
+        ("gain=1.0", "law.gain=abc", r"law.gain is 'abc'; give a number"),
+        ("gain=1.0", "law.gain=true", r"law.gain is True; give a number"),
+        ("gain: float = None", "law.gain=1,5", r"law.gain is '1,5'; give a number"),
+        ("gain: int = 1", "law.gain=1.5", r"law.gain is 1.5; give a whole number"),
+        ("on=False", "law.on=1", r"law.on is 1; give true or false"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused(
+    parameter: str, change: str, why: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LAW.replace("angle=0.0", parameter))
+    with pytest.raises(ConfigError, match=rf"^mine\.py: {why}"):
+        run(file, change).resolve()
 
 
 class Steady:
