@@ -66,5 +66,11 @@ def write(calibration: Calibration, path: Path) -> None:
     Raises:
         ConfigError: it cannot be written, or cannot be true.
     """
-    plausible_camera.check(calibration)
+    try:
+        plausible_camera.check(calibration)
+    except ConfigError as error:
+        raise ConfigError(
+            f"a camera that cannot be true is not written to {path}: {error.what}",
+            "record the board from more directions, in all of the picture",
+        ) from None
     files.write_whole(path, tomli_w.dumps(asdict(calibration)), "give another file")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from endolock.control import loop
 from endolock.control.laws.pi import PI
-from endolock.hw.api import Command, ConfigError, DeviceFault, Frame, Mode, State
+from endolock.hw.api import Command, ConfigError, DeviceFault, Frame, HardwareError, Mode, State
 from endolock.twin.hil.hil_rig import HilRig
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
@@ -293,6 +293,26 @@ def test_without_pictures_the_handles_hold_and_the_lock_is_lost() -> None:
     assert len({t.state.goal for t in dead}) == 1
     assert result.ticks[-1].status is Status.TRACKING
     assert law.resets == 2  # when it began, and when pictures came again
+
+
+def test_the_end_of_the_video_ends_the_run_with_the_handles_held() -> None:
+    rows = Rows()
+    with TwinRig("rest", pictures=False) as rig:
+        honest = rig.camera.latest
+
+        def ends() -> Frame | None:
+            if rig.clock.now() > 1.0:
+                raise HardwareError("the video ended: /dev/video0", t=rig.clock.now())
+            return honest()
+
+        rig.camera.latest = ends  # type: ignore[method-assign]  # the chain is on trial
+        with pytest.raises(HardwareError, match="the video ended"):
+            loop.run(rig, TruthEyes(rig.truth), Winding(), duration_s=6.0, recorder=rows)
+        assert rig.actuators.mode is Mode.HOLDING
+        goal = rows.ticks[-1].state.goal
+        rig.clock.sleep_until(1.1)
+        assert rig.actuators.exchange(None).goal == pytest.approx(goal, abs=0.002)  # a count
+    assert rows.ticks[-1].t == pytest.approx(1.0)
 
 
 class Winding:
