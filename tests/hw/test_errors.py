@@ -103,3 +103,10 @@ def test_a_second_error_is_a_note_without_calls() -> None:
         "disk full; make room; and the handles could not be closed: motor 2 is hot; "
         "and the port could not be closed: KeyError"
     )
+
+
+def test_what_a_terminal_would_obey_is_written_out() -> None:
+    error = ConfigError("name 'a\x1b[2J\nb'", "use é")
+    assert str(error) == r"name 'a\x1b[2J\nb'; use é"
+    assert str(error).isprintable()
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)

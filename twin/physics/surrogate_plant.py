@@ -16,6 +16,7 @@ from endolock.hw.api import Plant, Pose, Vector
 from endolock.hw.frozen import read_only
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
+from endolock.twin.world.joint_conditions import check_shaft
 from endolock.twin.world.playback import Course
 from endolock.twin.world.scenario import Scenario
 
@@ -58,11 +59,15 @@ class SurrogatePlant:
         transmission: from handle angles to bends.
         instrument: its lengths are used.
         seed: seed of the random motions.
+
+    Raises:
+        ConfigError: the instrument cannot be with a shaft bent like this.
     """
 
     def __init__(
         self, scenario: Scenario, transmission: Transmission, instrument: Instrument, seed: int
     ) -> None:
+        check_shaft(scenario, instrument)
         self.course = Course(scenario, seed)
         self._tilt = scenario.board.quaternion
         self.base_from_board = read_only(rotation.to_matrix(self._tilt))

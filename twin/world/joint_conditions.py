@@ -83,14 +83,14 @@ def _check_board(board: Board, motions: Sequence[BoardMotion]) -> None:
     nearest -= min(aside * board.slope, board.relief_m)
     if nearest < CLEARANCE_M:
         raise ConfigError(
-            f"board: at distance_m {board.distance_m:g}, its travel and tilt bring it to "
-            f"{nearest:.4g} m ahead of the tip at rest, wanted {CLEARANCE_M:g} m or more",
+            f"board: travel and tilt bring its nearest point to {nearest:.4g} m ahead of the tip, "
+            f"wanted {CLEARANCE_M:g} m or more",
             "use a larger distance_m, or less depth_travel_m, motion or tilt_deg",
         )
     back = board.depth_travel_m / 2 + board.relief_m
     if back >= WALL_BEHIND_M:
         raise ConfigError(
-            f"board: its travel and tilt bring it {back:.4g} m back, through the wall "
+            f"board: travel and tilt bring its farthest point back by {back:.4g} m, into the wall "
             f"{WALL_BEHIND_M:g} m behind it",
             "use less depth_travel_m or tilt_deg",
         )
