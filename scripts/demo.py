@@ -22,8 +22,8 @@ def main(args: list[str]) -> int:
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    folder = request.out or run_folder.new_path(RUNS, "demo")
-    series = run_all(compare.plan(request, folder))
+    with run_folder.place(request.out, RUNS, "demo") as folder:
+        series = run_all(compare.plan(request, folder))
     records = series.records
     moving = (record for record in records if record.controller != "still")
     first = next(moving, records[0]).folder

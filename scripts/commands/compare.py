@@ -59,10 +59,12 @@ class Request:
 def main(request: Request) -> int:
     """Carry out `endolock compare`; return the exit code."""
     output.check_json(request.json)
-    folder = request.out or run_folder.new_path(RUNS, "compare")
     console = Console(stderr=request.json == "-")
-    if request.thesis:
-        return _thesis(request, folder, console)
+    with run_folder.place(request.out, RUNS, "compare") as folder:
+        return (_thesis if request.thesis else _compare)(request, folder, console)
+
+
+def _compare(request: Request, folder: Path, console: Console) -> int:
     planned = plan(request, folder)
     series = run_all(planned)
     records = series.records

@@ -15,7 +15,8 @@ has ten rows. Everything else about a run is derived from this folder; `folder_c
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import count
@@ -122,6 +123,27 @@ def new_path(base: Path, name: str) -> Path:
             ) from None
         return path
     raise AssertionError
+
+
+@contextmanager
+def place(given: Path | None, base: Path, name: str) -> Iterator[Path]:
+    """Give the folder of several runs: the one given, or a new one, removed if it stays empty.
+
+    Args:
+        given: folder that the user chose, or None.
+        base: parent of a new one.
+        name: end of the name of a new one.
+
+    Raises:
+        ConfigError: it cannot be made.
+    """
+    path = given or new_path(base, name)
+    try:
+        yield path
+    finally:
+        if given is None:
+            with suppress(OSError):  # not empty
+                path.rmdir()
 
 
 def _versions() -> dict[str, str]:

@@ -274,3 +274,23 @@ def test_motion_of_tip_and_handles_on_each_axis() -> None:
 def test_blur_is_the_motion_during_an_exposure() -> None:
     ticks = [tick(n * PERIOD_S, truth(60 * n * PERIOD_S, 80 * n * PERIOD_S)) for n in range(100)]
     assert score(ticks)["blur_px"] == pytest.approx(100 * metrics.EXPOSURE_S)  # at 100 px/s
+
+
+def test_a_run_that_is_not_kept_scores_the_same() -> None:
+    from endolock.control import loop, metrics, registry
+    from endolock.twin.rig import TwinRig
+    from endolock.vision.truth_eyes import TruthEyes
+
+    runs, scores = [], []
+    for keep in (True, False):
+        with TwinRig("circle", pictures=False) as rig:
+            camera = rig.camera.calibration
+            scorer = metrics.Scorer(camera, 0.4)
+            eyes, law = TruthEyes(rig.truth), registry.make("pi", camera)
+            runs.append(loop.run(rig, eyes, law, duration_s=1.0, recorder=scorer, keep=keep))
+            scores.append(scorer.scores())
+    assert runs[1] == Run()
+    assert len(runs[0].ticks) == 51
+    assert scores[0] == scores[1] == metrics.score(runs[0], camera, 0.4)
+    assert scores[0].error_px is not None
+    assert scores[0].error_px.rms is not None
