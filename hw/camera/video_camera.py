@@ -60,8 +60,8 @@ class VideoCamera:
     A picture is stamped t_available = the clock's time right after its grab, and t_capture =
     t_available - latency. A source that freezes raises nothing at first: `latest` returns the last
     frame, whose age shows it. A device or stream that has ended or fallen silent is opened again
-    and again, but may end only once within `timeout_s`. OpenCV's warnings are disabled for the
-    whole process: all that matter are raised here.
+    and again; one that breaks off twice within `timeout_s` is given up. OpenCV's warnings are
+    disabled for the whole process: all that matter are raised here.
 
     Args:
         source: a device (0 or /dev/video0), the address of a stream (http://, rtsp://) or a video
@@ -116,7 +116,7 @@ class VideoCamera:
 
     @property
     def ended(self) -> bool:
-        """Whether no other picture can come: closed, at the end of a file, or ended twice."""
+        """Whether no other picture can come: closed, at the end of a file, or broken off twice."""
         return not self._thread.is_alive()
 
     def latest(self) -> Frame | None:
@@ -199,10 +199,10 @@ class VideoCamera:
                     self._miss("cannot be opened again")
                 elif not source.live:
                     return
-                elif self._ending is not None and self._ending.t > ended_at:
-                    before, ended_at = ended_at, self._ending.t
+                elif self._newest[1] > ended_at:  # it came back, and has broken off again
+                    before, ended_at = ended_at, self._clock.now()
                     if ended_at - before < self._timeout_s:
-                        self._miss(f"ended twice within {self._timeout_s:g} s", final=True)
+                        self._miss(f"broke off twice within {self._timeout_s:g} s", final=True)
                         return
                 self._stop.wait(AGAIN_S)
         finally:

@@ -239,7 +239,7 @@ def test_a_stream_that_is_cut_once_goes_on_where_it_comes_back(stream: Stream) -
         assert _number(_frame(camera, 2)) == 2
         stream.cut()  # a second time soon after: not trusted any more
         stream.send(3)
-        _last(camera, "ended twice within 10 s")
+        _last(camera, "broke off twice within 10 s")
 
 
 def test_a_stream_that_falls_silent_is_reported_and_opened_again(
