@@ -47,7 +47,8 @@ class Handle(Strict):
     current_limit_a: (
         Annotated[float, bounded(0.02, 3.2, "A", hint="give amperes, not milliamperes")] | None
     ) = None
-    """Largest motor current [A]; None: as set in the motor. X series registers end at 3.2 A."""
+    """Largest motor current [A], not more than the motor's own current limit; None: no limit but
+    that of its PWM. Largest value: that of an XM430-W350."""
 
     @field_validator("direction")
     @classmethod

@@ -20,7 +20,14 @@ RESTART_S = 1.0
 """Longest time until a motor answers again after a reboot [s]. Assumed: X series take 0.3 s."""
 
 
-class Link(Protocol):
+class Reads(Protocol):
+    """Read access to the registers of motors."""
+
+    def read(self, device: int, register: Register) -> int:
+        """Read a register as a signed number."""
+
+
+class Link(Reads, Protocol):
     """Access to the registers of motors: `Bus`, or `DirectLink`."""
 
     def open(self) -> None:
@@ -31,9 +38,6 @@ class Link(Protocol):
 
     def ping(self, device: int) -> tuple[int, int]:
         """Return model number and firmware version."""
-
-    def read(self, device: int, register: Register) -> int:
-        """Read a register as a signed number."""
 
     def write(self, device: int, register: Register, value: int | bytes) -> None:
         """Write a register."""
@@ -134,11 +138,32 @@ def prepare(
         motor.refuse()
     for kept in (True, False):
         for motor in motors:
-            motor.write(kept)
+            motor.write(kept=kept)
     gathered = pack(f"<{reg.BLOCK_SIZE}H", *reg.BLOCK_ADDRESSES)
     for motor in motors:
         link.write(motor.device, reg.INDIRECT_ADDRESS, gathered)
     return [motor.checked() for motor in motors]
+
+
+def read_settings(link: Reads, device: int, firmware: int, *, kept: bool) -> dict[str, int]:
+    """Read the settings of a motor, by name: all with a single request.
+
+    Args:
+        link: connects to it.
+        device: its id.
+        firmware: its version; settings that it lacks are left out.
+        kept: those kept without power; otherwise the others.
+    """
+    chosen = [s for s in SETTINGS if s.kept is kept and firmware >= s.since]
+    first = chosen[0].register.address
+    last = chosen[-1].register
+    span = Register(first, last.address + last.size - first)
+    data = span.encode_signed(link.read(device, span))
+    found = {}
+    for setting in chosen:
+        start, size = setting.register.address - first, setting.register.size
+        found[setting.name] = setting.value(setting.register.decode(data[start : start + size]))
+    return found
 
 
 class _Motor:
@@ -148,45 +173,50 @@ class _Motor:
         self._link, self._clock, self._axis = link, clock, axis
         self._wish, self._found = wish, found
         self.device = wish.handle.id
-        self._settings = [s for s in SETTINGS if found.firmware >= s.since]
+        self._values: dict[str, int] = {}
         self._changed: list[str] = []
 
     def refuse(self) -> None:
-        """Raise an error for a value that only somebody else may change."""
-        for setting in self._settings:
-            if setting.policy is Policy.REFUSE:
-                value = self._read(setting)
-                if setting.differs(value, self._wish):
-                    raise self._unusable(setting, value)
+        """Read what is kept; raise an error for a value that only somebody else may change."""
+        self._values = self._read(kept=True)
+        self._check([Policy.REFUSE])
 
-    def write(self, kept: bool) -> None:
+    def write(self, *, kept: bool) -> None:
         """Write what differs: the EEPROM has a limited number of write cycles."""
-        for setting in self._settings:
-            wanted = setting.wanted(self._wish)
-            if setting.kept is not kept or setting.policy is not Policy.SET or wanted is None:
+        if not kept:  # a new operating mode has changed some of them
+            self._values = self._read(kept=False)
+        for setting in self._present():
+            value, wanted = self._values[setting.name], setting.wanted(self._wish)
+            if setting.policy is not Policy.SET or wanted is None:
                 continue
-            value = self._read(setting)
             if setting.differs(value, self._wish):
                 self._link.write(self.device, setting.register, setting.register.encode(wanted))
                 self._changed.append(f"{setting.name} {value} -> {wanted}")
 
     def checked(self) -> Prepared:
         """Read all settings again: an answer has no number, it may have been to another request."""
-        registers = {}
-        for setting in self._settings:
-            value = registers[setting.name] = self._read(setting)
-            if setting.differs(value, self._wish):
-                raise self._unusable(setting, value)
+        self._values = self._read(kept=True) | self._read(kept=False)
+        self._check([Policy.REFUSE, Policy.SET])
         return Prepared(
             model=self._wish.model.name,
             firmware=self._found.firmware,
             units=self._wish.units,
-            registers=registers,
+            registers={setting.key: self._values[setting.name] for setting in self._present()},
             changed=tuple(self._changed),
         )
 
-    def _read(self, setting: Setting) -> int:
-        return setting.value(self._link.read(self.device, setting.register))
+    def _read(self, *, kept: bool) -> dict[str, int]:
+        return read_settings(self._link, self.device, self._found.firmware, kept=kept)
+
+    def _present(self) -> list[Setting]:
+        return [setting for setting in SETTINGS if setting.name in self._values]
+
+    def _check(self, policies: Sequence[Policy]) -> None:
+        """Raise an error for a setting that is not as it must be."""
+        for setting in self._present():
+            value = self._values[setting.name]
+            if setting.policy in policies and setting.differs(value, self._wish):
+                raise self._unusable(setting, value)
 
     def _unusable(self, setting: Setting, value: int) -> StateError:
         return StateError(

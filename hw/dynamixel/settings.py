@@ -43,7 +43,7 @@ class Setting:
     """One register."""
 
     name: str
-    """For people, and its key in run.toml."""
+    """For people."""
     register: Register
     wanted: Callable[[Wish], int | None]
     """Value that it must have; None: any."""
@@ -66,6 +66,11 @@ class Setting:
     """Whether a value is as good as the one wanted."""
     since: int = 0
     """First firmware that has it."""
+
+    @property
+    def key(self) -> str:
+        """Its key in run.toml."""
+        return self.name.lower().replace(" ", "_")
 
     @property
     def kept(self) -> bool:

@@ -17,7 +17,8 @@ from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.packets import Instruction, Parser, encode
 from endolock.hw.dynamixel.port import DEFAULT_BAUD, Port
 from endolock.hw.dynamixel.servo_bus import Bus
-from endolock.hw.dynamixel.settings import SETTINGS, STATUS_LEVEL
+from endolock.hw.dynamixel.servo_setup import read_settings
+from endolock.hw.dynamixel.settings import STATUS_LEVEL
 from endolock.scripts.commands.doctor import setting_checks
 from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.found_motor import FoundMotor
@@ -82,11 +83,7 @@ def read(line: Port, device: int, baud: int) -> FoundMotor:
     if found.known is None:
         return found
     try:
-        values = {
-            setting.name: setting.value(bus.read(device, setting.register))
-            for setting in SETTINGS
-            if firmware >= setting.since
-        }
+        kept, others = (read_settings(bus, device, firmware, kept=k) for k in (True, False))
     except LinkLost:
         bus.ping(device)  # one that answers to this has a low status return level
         return found
@@ -95,7 +92,7 @@ def read(line: Port, device: int, baud: int) -> FoundMotor:
         hardware_error=bus.read(device, reg.HARDWARE_ERROR),
         watchdog=bus.read(device, reg.WATCHDOG),
         torque=bus.read(device, reg.TORQUE_ENABLE),
-        settings=values,
+        settings=kept | others,
     )
 
 

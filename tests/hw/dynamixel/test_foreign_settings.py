@@ -165,7 +165,7 @@ def test_each_register_left_by_others_is_set_or_refused(setting: Setting, value:
     assert wanted is not None
     assert values(bench, setting) == [wanted, wanted]
     told = bench.drive.describe()["motor"]["up_down"]
-    assert told["registers"][setting.name] == wanted
+    assert told["registers"][setting.key] == wanted
     if setting.register is not reg.STATUS_LEVEL:  # set before anything is read
         assert f"{setting.name} {value} -> {wanted}" in told["changed"]
     check_goals(bench)
@@ -176,8 +176,8 @@ def test_what_is_only_recorded_is_in_the_description() -> None:
     bench.servos[1].write(reg.VELOCITY_LIMIT.address, reg.VELOCITY_LIMIT.encode(77))
     bench.guard.connect()
     told = bench.drive.describe()["motor"]["left_right"]
-    assert told["registers"]["velocity limit"] == 77
-    assert set(told["registers"]) == {setting.name for setting in SETTINGS}
+    assert told["registers"]["velocity_limit"] == 77
+    assert set(told["registers"]) == {setting.key for setting in SETTINGS}
     assert told["firmware"] == 45
 
 

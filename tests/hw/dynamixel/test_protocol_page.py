@@ -162,24 +162,18 @@ def test_the_page_lists_the_requests_in_order(talk: Talk, phase: str, device: in
 def expanded(
     row: dict[str, str], found: list[tuple[str, str, bytes]], device: int
 ) -> list[dict[str, str]]:
-    """Return the rows that a row stands for: those of the settings; writes only where one was."""
+    """Return the rows that a row stands for: the settings that were written, in their order."""
     if row["register"] != "*Settings*":
         return [row]
-    written = {register for kind, register, _ in found if kind == "write"}
+    written = {register for kind, register, _ in found if kind == "write"} - {"`STATUS_LEVEL`"}
     made = []
     for setting in rows("Settings"):
-        register, policy = setting["register"], setting["otherwise"]
-        kept = getattr(reg, register.strip("`")).address < reg.EEPROM_END
-        if row["instruction"] == "read":
-            if row["when"] in ("", policy):
-                made.append({"instruction": "read", "register": register, "value": ""})
-            continue
+        kept = getattr(reg, setting["register"].strip("`")).address < reg.EEPROM_END
         unlimited = device != LIMITED and "limit" in setting["value"]
-        if policy != "set" or kept is not (row["when"] == "below 64") or unlimited:
-            continue
-        made.append({"instruction": "read", "register": register, "value": ""})
-        if register in written - {"`STATUS_LEVEL`"}:
+        chosen = setting["otherwise"] == "set" and kept is (row["when"] == "below 64")
+        if chosen and not unlimited and setting["register"] in written:
             made.append({**setting, "instruction": "write"})
+    assert made or row["when"] != "below 64"  # as sold, a motor needs some
     return made
 
 
