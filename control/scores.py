@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from endolock.hw.frozen import Frozen
+
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorSummary:
@@ -35,7 +37,7 @@ class ErrorExtent:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandleScores:
+class HandleScores(Frozen):
     """Motion of the handles, from measured angles and speeds; None for fewer than four ticks."""
 
     rate_rms: float | None = None
@@ -48,22 +50,22 @@ class HandleScores:
     """Distance travelled, summed over both handles [rad]."""
     reversals_per_s: float | None = None
     """Changes of direction of both handles [1/s]."""
-    p2p_deg: list[float] | None = None
+    p2p_deg: tuple[float, ...] | None = None
     """Peak to peak of each handle (up_down, left_right) [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TipScores:
+class TipScores(Frozen):
     """True motion of the tip (up_down, left_right); None without samples."""
 
-    p2p_deg: list[float] | None = None
+    p2p_deg: tuple[float, ...] | None = None
     """Peak to peak [deg]."""
-    travel_deg: list[float] | None = None
+    travel_deg: tuple[float, ...] | None = None
     """Distance travelled [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scores:
+class Scores(Frozen):
     """What a run is scored by; see `control.metrics.score`.
 
     Errors and motions are of the scored part, counts and shares of the whole run.

@@ -259,7 +259,7 @@ class Experiment:
             real_time_factor=ran_s / wall_s,
             latency_s=scenario.camera.latency_s,
             interrupted=interrupted,
-            needed_tip_deg=list(needed) if needed else None,
+            needed_tip_deg=needed,
             constant_px=constant,
             folder=folder,
         )

@@ -69,7 +69,7 @@ def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
     Args:
         records: run records, one scenario after another.
     """
-    at_rest = [0.0, 0.0]
+    at_rest = (0.0, 0.0)
     for _, block in groupby(records, key=lambda record: record.scenario):
         listed: list[Any] = [None]  # None: on a bench, or where the tip is pushed
         yield from (rows := list(block))

@@ -40,7 +40,7 @@ class RunRecord(Scores):
     """Exposure to delivery of a frame [s]."""
     interrupted: bool
     """Whether a Ctrl-C or a kill ended the run early."""
-    needed_tip_deg: list[float] | None
+    needed_tip_deg: tuple[float, ...] | None
     """Peak-to-peak bend (up_down, left_right) of a tip that always points at the target, in the
     scored part [deg]; None on a bench."""
     constant_px: ErrorSummary | None

@@ -78,8 +78,8 @@ def closing() -> Iterator[Stop]:
         stop.check()
     finally:
         with stop.sending:  # no signal of the thread may come after this
+            signal.set_wakeup_fd(woken)  # first, as the thread closes the other end
             stop.over.set()
-        signal.set_wakeup_fd(woken)
         for number, handler in before.items():
             signal.signal(number, handler)
         theirs.close()  # ends the thread
@@ -92,22 +92,21 @@ def _insist(stop: Stop, signals: socket.socket) -> None:
         stop: what signals asked for.
         signals: sends a byte for each signal, and ends with the run.
     """
-    with signals:
+    main, sent = threading.main_thread().ident, False
+    assert main is not None
+    with signals:  # open to the end, as further signals send bytes too
         if not signals.recv(1):
             return
-    main = threading.main_thread().ident
-    assert main is not None
-    sent = False
-    while not stop.over.wait(GRACE_S):
-        with stop.sending:
-            hangs = user_code.is_running(sys._current_frames().get(main))
-            if stop.over.is_set():
-                return
-            if sent and hangs and stop.abandon:
-                _abandon(stop.abandon)
-            if not sent and (hangs or stop.interruptible):
-                sent = True
-                _interrupt(main)
+        while not stop.over.wait(GRACE_S):
+            with stop.sending:
+                hangs = user_code.is_running(sys._current_frames().get(main))
+                if stop.over.is_set():
+                    return
+                if sent and hangs and stop.abandon:
+                    _abandon(stop.abandon)
+                if not sent and (hangs or stop.interruptible):
+                    sent = True
+                    _interrupt(main)
 
 
 def _interrupt(main: int) -> None:

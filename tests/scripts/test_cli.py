@@ -66,6 +66,42 @@ def test_json_on_standard_output_holds_every_key(
     assert {file.name for file in out.iterdir()} == files
 
 
+NOISY = """
+import ctypes, os, subprocess, sys
+from endolock import Command
+
+def shout():
+    print("print")
+    sys.__stdout__.write("the first stdout\\n")
+    os.write(1, b"the descriptor\\n")
+    subprocess.run(["echo", "a child"])
+    ctypes.CDLL(None).printf(b"C\\n")
+
+shout()
+
+class Law:
+    def reset(self, state): shout()
+    @property
+    def signals(self): shout(); return {}
+    def update(self, t, state, seen): shout(); return Command(position=(0.0, 0.0))
+
+def make(calibration): shout(); return Law()
+"""
+
+
+def test_json_on_standard_output_is_alone_whatever_a_law_prints(tmp_path: Path) -> None:
+    law = tmp_path / "noisy.py"
+    law.write_text(NOISY)
+    args = ["run", "rest", "--rig", "surrogate", "--vision", "truth", "--duration-s", "0.05"]
+    args += ["--controller", str(law), "--out", str(tmp_path / "run"), "--json", "-"]
+    done = _endolock(*args, env=dict(os.environ))
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["controller"] == "noisy"
+    for line in ("print", "the first stdout", "the descriptor", "a child", "C"):
+        # when imported, made and reset, and at 3 ticks, whose commands have signals but the first's
+        assert done.stderr.splitlines().count(line) == 3 + 3 + 2
+
+
 def test_one_seed_gives_the_same_tables_and_metrics(tmp_path: Path) -> None:
     folders = [tmp_path / "a", tmp_path / "b"]
     for folder in folders:
@@ -95,9 +131,12 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
     ("args", "message"),
     [
         ([], "Expected one of {run, compare, hysteresis, identify, latency"),
-        (["runn"], "Unrecognized options: runn"),
+        (["runn"], "did you mean run?"),
+        (["hysteresys", "--seed", "1"], "did you mean hysteresis?"),
+        (["compare", "--controler", "pi"], "did you mean --controllers?"),
+        (["latency", "--stroke=5"], "did you mean --strokes?"),
         (["run"], "Missing from endolock run: STR"),
-        (["run", "rest", "--controler", "pi"], "Unrecognized options: --controler, pi"),
+        (["run", "rest", "--controler", "pi"], "did you mean --controller?"),
         (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
         (
             ["run", "strait"],
