@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import inf, isfinite
 
@@ -130,9 +130,18 @@ def values(command: Command, axes: Sequence[str], now: float) -> tuple[float, ..
         now: the time [s].
 
     Raises:
-        CommandError: it has a wrong length, is not finite, or does not expire.
+        CommandError: it has a wrong length, is not finite, not of numbers, or does not expire.
     """
-    position = tuple(float(p) for p in command.position)
+    try:
+        if isinstance(command.position, str | bytes | Mapping | Set):
+            raise TypeError  # "12" is not two angles
+        position, valid_for = tuple(map(float, command.position)), float(command.valid_for)
+    except (TypeError, ValueError):
+        raise CommandError(
+            f"command {command.position!r}, valid for {command.valid_for!r} s, is not of numbers",
+            "give angles in rad and a time in s (the previous goal stays)",
+            t=now,
+        ) from None
     if len(position) != len(axes):
         raise CommandError(
             f"command has {len(position)} positions",
@@ -147,7 +156,7 @@ def values(command: Command, axes: Sequence[str], now: float) -> tuple[float, ..
                 t=now,
                 axis=axis,
             )
-    if not 0 < command.valid_for < inf:
+    if not 0 < valid_for < inf:
         raise CommandError(
             f"command is valid for {command.valid_for} s",
             "give a finite time of more than 0 (the previous goal stays)",

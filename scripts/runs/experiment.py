@@ -195,12 +195,13 @@ class Experiment:
         with closing() as stop:
             with until_closed, ExitStack() as afterwards:
                 stop.check()
+                handles = rig.actuators
+                stop.abandon = handles.close
                 controller = self._make(rig, task.settings)
                 name = f"{scenario.name}-{self.controller_name}"
                 path = self.out or run_folder.new_path(RUNS, name)
                 scorer = metrics.Scorer(rig.camera.calibration, scenario.scored_from_s)
                 folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
-                handles = rig.actuators
                 stop.abandon = partial(close_all, handles.hold, folder.close, handles.close)
                 start = time.perf_counter()
                 shown = f"{label} {name}".strip()

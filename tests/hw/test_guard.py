@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import inf, nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -208,10 +208,14 @@ def test_the_goal_is_never_faster_than_allowed(
         ((0.0, -inf), "left_right", r"is -inf; .* \(the previous goal stays\)$"),
         ((0.1,), None, "^command has 1 positions; give 2: up_down, left_right$"),
         ((0.1, 0.1, 0.1), None, "^command has 3 positions; give 2: up_down, left_right$"),
+        ("12", None, "^command '12', valid for 0.2 s, is not of numbers; give angles in rad"),
+        (["a", 0.1], None, "^command .'a', 0.1., valid for 0.2 s, is not of numbers"),
+        (None, None, "^command None, valid for 0.2 s, is not of numbers"),
+        ({0.1: 0.2, 0.3: 0.4}, None, "is not of numbers"),
     ],
 )
 def test_invalid_commands_are_refused_and_keep_the_previous_goal(
-    guard: Guard, position: tuple[float, ...], axis: str | None, text: str
+    guard: Guard, position: Any, axis: str | None, text: str
 ) -> None:
     guard.enable()
     before = follow(guard, (0.2, -0.2), 0.6)[-1]
