@@ -207,6 +207,8 @@ class Guard(Connecting):
     def _slew(self, now: float) -> tuple[int, ...]:
         """Move the goal towards the limited command as fast as allowed; return `State.clipped`."""
         step = min(now - self._slewed_at, self._settings.max_slew_step_s)
+        if self._checks.waiting(now):
+            step = 0.0
         self._slewed_at = now
         moved = []
         for goal, limited, speed in zip(

@@ -101,7 +101,7 @@ class Positions:
             reading = self._drive.transfer(None)
             self.accept(reading)
             silent = 0 if reading.fresh else silent + 1
-            if silent > 1:
+            if silent >= KEPT:
                 who = " and ".join(reading.silent) or "the handles"
                 raise LinkLost(
                     f"{who} do not answer, so {risk}",
@@ -131,9 +131,11 @@ class Positions:
         """
         self._loads = [None] * len(self._samples)
         for i, (samples, step) in enumerate(zip(self._samples, self._drive.step_rad, strict=True)):
-            at = confirmed(samples, 0.0, step)
-            if at is None or any(sample.goal != samples[-1].goal for sample in samples):
+            places = sorted(sample.at for sample in samples)
+            resting = len(places) == KEPT and places[-1] - places[0] <= 1.5 * step
+            if not resting or any(sample.goal != samples[-1].goal for sample in samples):
                 continue
+            at = places[KEPT // 2]
             ahead = samples[-1].goal - at
             if 1.5 * step < abs(ahead) <= LOAD_RAD:
                 self._loads[i] = at, ahead

@@ -7,8 +7,9 @@ however a sleep is divided.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from math import floor, inf, isfinite
 from pathlib import Path
@@ -102,12 +103,24 @@ class TwinRig(ClosingRig):
         self._renderer = renderer.Renderer(model)
         self._optics = optics.Optics(video, seed) if pictures else None
         self._shot = optics.shot(video)
+        self.late: Callable[[], bool] = bool
+        """Whether a picture that is due is to be left out, to keep up with wall-clock time."""
+        self._left_out = False
         self._available: float | None = None
         self._pictures: list[Image] = []
         self._blurred = False
         self._darkroom = ThreadPoolExecutor(1)  # one worker, so that the order of noise is fixed
         self._shutter = exposure.sub_exposures(video, self.clock.timestep_s, pictures=pictures)
         self._moment = next(self._shutter)
+
+    @property
+    def meanwhile(self) -> Callable[[], AbstractContextManager[None]]:
+        """Entered while a picture is drawn: the twin does not change, and others may use it."""
+        return self._renderer.meanwhile
+
+    @meanwhile.setter
+    def meanwhile(self, enter: Callable[[], AbstractContextManager[None]]) -> None:
+        self._renderer.meanwhile = enter
 
     def advance(self, step: int) -> None:
         """Advance the physics to a grid point, exposing frames and measuring poses on the way."""
@@ -201,10 +214,12 @@ class TwinRig(ClosingRig):
 
     def _expose(self, moment: SubExposure) -> None:
         seq, t = moment.seq, self.plant.t
+        if moment.first:
+            self._left_out = self.pictures and self.late()
         if moment.nominal:
             self.truth.expose(seq)
             self._available = self.camera.delivery(t)
-            if self.overview and seq % OVERVIEW_EVERY == 0:
+            if self.overview and seq % OVERVIEW_EVERY == 0 and not self._left_out:
                 self.plant.draw_board()
                 fixed = self._renderer.draw(self.plant.data, self._fixed, *OVERVIEW_SIZE)
                 self.overview.send(seq, t, fixed)
@@ -212,13 +227,13 @@ class TwinRig(ClosingRig):
             video = self.scenario.camera
             moved = self.plant.seen_speed() * video.exposure_s * self.camera.calibration.focal_px
             self._blurred = moved > SHARP_PX
-        if self.pictures and (moment.nominal or self._blurred):
+        if self.pictures and not self._left_out and (moment.nominal or self._blurred):
             self.plant.draw_board()
             size = self._shot.width, self._shot.height
             self._pictures.append(self._renderer.draw(self.plant.data, self._tip, *size))
         if not moment.last:
             return
         taken, self._pictures = self._pictures, []
-        if self._available is not None:
+        if self._available is not None and not self._left_out:
             image = self._darkroom.submit(self._optics.develop, taken) if self._optics else None
             self.camera.send(seq, max(self._available, t), image)

@@ -35,6 +35,9 @@ TIMEOUT_S = 0.020
 """Time-out of the answers to one request [s]. Assumed: an adapter's 16 ms, and some more."""
 CYCLE_BYTES = 100
 """Length of two requests and two answers on the line [bytes]."""
+ASK_S = 0.050
+"""Shortest time-out of a request to a single motor [s]: it is not part of a cycle, so it can wait
+until a busy machine has time for it. Assumed."""
 TRIES = 3
 """Maximum attempts of a request to a single motor."""
 
@@ -251,8 +254,9 @@ class Bus:
     def _ask(self, device: int, kind: Instruction, parameters: bytes, *, size: int) -> bytes:
         """Send a request to one motor until it answers; return the data of the answer."""
         request = encode(device, kind, parameters)
+        timeout_s = max(self._timeout_s, ASK_S)
         for _ in range(TRIES):
-            for packet in self._collect(request, (device,)):
+            for packet in self._collect(request, (device,), timeout_s):
                 error, data = packet.parameters[0] & ~ALERT, packet.parameters[1:]
                 if error == Refusal.CRC:
                     continue
@@ -267,26 +271,29 @@ class Bus:
                 if len(data) == size:
                     return data
         raise LinkLost(
-            f"handle motor {self._named(device)} did not answer within {self._timeout_s:.3f} s on "
+            f"handle motor {self._named(device)} did not answer within {timeout_s:.3f} s on "
             f"{self.port.name} ({TRIES} tries)",
             "check power and cable, then run endolock doctor",
             t=self._clock.now(),
             axis=self._names.get(device),
         )
 
-    def _collect(self, request: bytes, who: Collection[int] | None = None) -> list[Packet]:
+    def _collect(
+        self, request: bytes, who: Collection[int] | None = None, timeout_s: float | None = None
+    ) -> list[Packet]:
         """Send a request; return the status packet of each of these ids, or of all that answer.
 
         Args:
             request: bytes to send.
             who: ids whose answers are waited for, one each; None: all that answer in time.
+            timeout_s: longest wait [s]; that of the bus if None.
         """
         found: list[Packet] = []
 
         def talk() -> None:
             self._drain()
             self._send(request)
-            give_up = time.monotonic() + self._timeout_s
+            give_up = time.monotonic() + (timeout_s or self._timeout_s)
             while who is None or len(found) < len(who):
                 data, _ = self._receive(give_up - time.monotonic())
                 if not data:

@@ -118,6 +118,37 @@ def test_occasional_answers_keep_the_link(bench: BenchDrive) -> None:
             assert state.fresh == bench.answers
 
 
+def test_a_pause_of_the_program_is_no_silence(bench: BenchDrive) -> None:
+    with Guard(bench) as guard:
+        guard.enable()
+        exchange(guard, 3)
+        guard.clock.sleep_until(guard.clock.now() + 1.0)  # the machine was busy elsewhere
+        bench.answers = False
+        assert not any(state.fresh for state in exchange(guard, 5))
+        bench.answers = True
+        assert exchange(guard, 1)[0].fresh
+
+
+def test_the_goal_waits_while_no_answer_comes(bench: BenchDrive) -> None:
+    with Guard(bench, GuardSettings(max_age_s=1.0)) as guard:
+        guard.enable()
+        start = exchange(guard, 1, (0.9, 0.9))[0].goal
+        bench.answers = False
+        silent = exchange(guard, 40, (0.9, 0.9))
+        step_s = GuardSettings().max_slew_step_s
+        for begin, goal, speed in zip(
+            start, silent[-1].goal, guard.limits.velocity_rad_s, strict=True
+        ):
+            assert 0 < goal - begin <= speed * (step_s + PERIOD_S) + bench.STEP_RAD  # rounded
+        bench.answers = True
+        # It goes on from there, at its usual speed.
+        exchange(guard, 1, (0.9, 0.9))
+        first, second = (state.goal for state in exchange(guard, 2, (0.9, 0.9)))
+        assert all(
+            0 < b - a <= 3.0 * PERIOD_S + bench.STEP_RAD for a, b in zip(first, second, strict=True)
+        )
+
+
 def test_a_blocked_handle_is_not_pushed_any_further(bench: BenchDrive) -> None:
     with Guard(bench) as guard:
         guard.enable()

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from math import ceil
 
 import mujoco
@@ -38,6 +40,8 @@ class Renderer:
         self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
         self._thread: int | None = None
         self._closed = False
+        self.meanwhile: Callable[[], AbstractContextManager[None]] = nullcontext
+        """Entered while a picture is drawn, which does not use the state."""
         self._option = mujoco.MjvOption()
         self._option.tendongroup[:] = 0  # hidden in the rings, and a third of the drawing time
         self._option.sitegroup[:] = 0
@@ -63,7 +67,8 @@ class Renderer:
         if renderer is None:
             renderer = self._renderers[width, height] = self._make(width, height)
         renderer.update_scene(data, camera, self._option)
-        picture: Image = renderer.render()
+        with self.meanwhile():
+            picture: Image = renderer.render()
         return picture
 
     def close(self) -> None:

@@ -10,11 +10,12 @@ from __future__ import annotations
 import select
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from endolock.hw.api import (
@@ -31,6 +32,7 @@ from endolock.hw.camera.picture_stream import PictureStream
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
+from endolock.hw.emulator.line_thread import LineThread
 from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
 from endolock.hw.lifecycle import Closing, close_after, close_all
 from endolock.twin.camera.renderer import TwinCamera
@@ -40,6 +42,9 @@ from endolock.twin.world.scenario import Scenario
 
 RESTART_S = 0.3
 """Time during which a servo does not answer after a restart, in wall-clock mode [s]. Assumed."""
+BEHIND_S = 0.06
+"""In wall-clock mode a twin that is behind by more than this leaves out the next picture, as a
+camera drops a frame [s]. Assumed: one and a half periods of a camera of 25 Hz."""
 AWAY_S = 0.005
 """Polling period while no program has the line open [s]."""
 
@@ -117,10 +122,15 @@ class HilServer(Closing):
             servo.write(reg.BAUD.address, bytes((reg.BAUDS.index(setup.baud),)))
             servo.reboot_s = RESTART_S if setup.wall else 0.0
         self._shown = -1
+        # Held by whoever changes the twin; in wall-clock mode the line has a thread of its own.
+        self._turn = Lock()
+        self._thread: LineThread | None = None
         self.wall = wall = WallClock() if setup.wall else None
         if wall is not None:
             for servo in self.rig.servos:  # physics advances in steps, a servo's clock does not
                 servo.now = lambda: max(now(), wall.now())
+            self.rig.late = lambda: wall.now() - now() > BEHIND_S
+            self.rig.meanwhile = self._yielding
 
     def ready(self) -> Ready:
         """Describe the server to its client."""
@@ -140,11 +150,15 @@ class HilServer(Closing):
         """Advance the twin to the present wall-clock time; in lock-step do nothing."""
         if self.wall is not None:
             # Not beyond the present time: what is measured must have happened.
-            self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
+            with self._turn:
+                self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
         if self.stream and (frame := _news(self.rig.camera, self._shown)) is not None:
             self._shown = frame.seq
             assert frame.image is not None
             self.stream.send(frame.image)
+
+    def plug(self) -> None:
+        """Plug the line in or out, where that is due."""
         for fault in self._plugs:
             due = self.rig.clock.now()
             if fault.at_s <= due and self.line.plugged:
@@ -166,34 +180,64 @@ class HilServer(Closing):
         poll, there = select.poll(), -1
         if channel:
             poll.register(channel.fileno(), select.POLLIN)
+        if self.wall is not None:
+            self._serve_wall(channel, until)
+            return
         while not until():
             self.catch_up()
+            self.plug()
             if self.line.fileno() != there:  # plugged in again
                 if there >= 0:
                     poll.unregister(there)
                 there = self.line.fileno()
                 if there >= 0:
                     poll.register(there, select.POLLIN)
-            # In lock-step there is no hurry; in wall-clock mode the twin advances every time step.
-            found = dict(poll.poll(None if self.wall is None else 1e3 * self.rig.clock.timestep_s))
+            found = dict(poll.poll())
             flags = found.get(there, 0)
             if flags & select.POLLIN:
-                self.catch_up()
                 self.emulator.answer()
             elif flags and len(found) == 1:  # not open anywhere, and opening it is no event
                 time.sleep(AWAY_S)
-            if channel and channel.fileno() in found:
-                self.catch_up()
-                try:
-                    name, args = channel.recv()
-                except (EOFError, ConnectionError):
-                    return
-                channel.send(self._call(name, args))
+            if channel and channel.fileno() in found and not self._answer(channel):
+                return
+
+    def _serve_wall(self, channel: Connection | None, until: Callable[[], bool]) -> None:
+        """Let the twin follow wall-clock time; the line is answered by its own thread."""
+        self._thread = LineThread(self.emulator, self._turn, self.plug)
+        step_s = self.rig.clock.timestep_s
+        while not until():
+            self._thread.check()
+            self.catch_up()
+            if channel is None:
+                time.sleep(step_s)
+            elif channel.poll(step_s) and not self._answer(channel):
+                return
+
+    def _answer(self, channel: Connection) -> bool:
+        """Answer one call on the side channel; return whether its other end is still there."""
+        self.catch_up()
+        try:
+            name, args = channel.recv()
+        except (EOFError, ConnectionError):
+            return False
+        with self._turn:
+            answer = self._call(name, args)
+        channel.send(answer)
+        return True
+
+    @contextmanager
+    def _yielding(self) -> Iterator[None]:
+        """Let the line be answered meanwhile."""
+        self._turn.release()
+        try:
+            yield
+        finally:
+            self._turn.acquire()
 
     def close(self) -> None:
         """Release all resources; may be called twice."""
-        video = [self.stream.close] if self.stream else []
-        close_all(*video, self.line.close, self.rig.close)
+        first = [part.close for part in (self._thread, self.stream) if part is not None]
+        close_all(*first, self.line.close, self.rig.close)
 
     def _call(self, name: str, args: tuple[Any, ...]) -> tuple[str, Any]:
         try:
