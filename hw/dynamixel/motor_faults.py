@@ -89,7 +89,7 @@ def unread(who: Who) -> LinkLost:
     """Return the error of a motor that answers, but not to a cycle."""
     return LinkLost(
         f"{who} does not answer to a sync read",
-        "set its status return level to 2",
+        "check its cable and power, then run endolock doctor",
         recovery=("connect",),
         t=who.t,
         axis=who.axis,
