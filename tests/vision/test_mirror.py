@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -58,12 +59,24 @@ def test_a_marker_that_equals_its_mirror_image_is_not_used() -> None:
 
 @pytest.mark.parametrize("kind", boards.all_boards())
 def test_no_mirrored_frame_is_tracked(kind: str) -> None:
+    _try_poses(kind, count=9, seed=17)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", boards.all_boards())
+def test_no_mirrored_frame_of_many_is_tracked(kind: str) -> None:
+    seed = secrets.randbelow(2**32)
+    print(f"seed {seed}")
+    _try_poses(kind, count=150, seed=seed)
+
+
+def _try_poses(kind: str, *, count: int, seed: int) -> None:
     """Distances from 2 to 16 cm, any roll, tilts up to 40 deg: refused, and never tracked."""
-    random = np.random.default_rng(17)
+    random = np.random.default_rng(seed)
     told, tracked = 0, 0
     with Studio(scenario.load("rest", {"board.kind": kind})) as studio:
         camera, board = studio.calibration, studio.board
-        for _ in range(9):
+        for _ in range(count):
             depth = float(random.uniform(0.02, 0.16))
             right, down = (depth * random.uniform(-0.5, 0.5, 2)).tolist()
             tilt, axis, roll = (random.uniform(0, top) for top in (40, 360, 360))
@@ -77,8 +90,8 @@ def test_no_mirrored_frame_is_tracked(kind: str) -> None:
                 for eyes in (MarkerEyes(own, board), TrackEyes(own, board)):
                     seen = eyes(replace(frame, image=picture))
                     assert seen.status is not Status.TRACKING
-                told += seen.why == MIRRORED or MIRRORED in seen.why
-    assert tracked > 5  # most of these poses are found as they are
+                told += MIRRORED in seen.why
+    assert tracked > count / 2  # most of these poses are found as they are
     assert told > 2 * tracked  # and nearly all of those are said to be mirrored, in three ways
 
 
