@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from struct import pack
 from typing import NamedTuple, Protocol
 
-from endolock.hw.api import Clock, LinkLost, StateError
+from endolock.hw.api import Clock, HardwareError, LinkError, LinkLost, StateError
 from endolock.hw.dynamixel import models
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
@@ -64,7 +64,7 @@ class Prepared:
     firmware: int
     units: Units
     registers: dict[str, int]
-    """Value of each of `settings.SETTINGS` by name, read after everything was written."""
+    """Value of each of `settings.SETTINGS` by its key, read after everything was written."""
     changed: tuple[str, ...]
     """What was written because another program had left it otherwise."""
 
@@ -146,7 +146,10 @@ def prepare(
 
 
 def read_settings(link: Reads, device: int, firmware: int, *, kept: bool) -> dict[str, int]:
-    """Read the settings of a motor, by name: all with a single request.
+    """Read the settings of a motor, by name, with a single request.
+
+    That request covers addresses without a register too; a motor that refuses it is asked for each
+    register. A busy line or machine has fewer chances to fail than with a request for each.
 
     Args:
         link: connects to it.
@@ -158,7 +161,12 @@ def read_settings(link: Reads, device: int, firmware: int, *, kept: bool) -> dic
     first = chosen[0].register.address
     last = chosen[-1].register
     span = Register(first, last.address + last.size - first)
-    data = span.encode_signed(link.read(device, span))
+    try:
+        data = span.encode_signed(link.read(device, span))
+    except LinkError:
+        raise
+    except HardwareError:
+        return {s.name: s.value(link.read(device, s.register)) for s in chosen}
     found = {}
     for setting in chosen:
         start, size = setting.register.address - first, setting.register.size

@@ -181,6 +181,26 @@ def test_what_is_only_recorded_is_in_the_description() -> None:
     assert told["firmware"] == 45
 
 
+def test_settings_are_in_the_order_of_their_addresses() -> None:
+    addresses = [setting.register.address for setting in SETTINGS]
+    assert addresses == sorted(addresses)  # one request reads from the first to the last
+
+
+def test_a_motor_that_refuses_addresses_without_a_register_is_asked_for_each() -> None:
+    bench, usual = Emulated(), Emulated()
+    read = bench.bus.read
+
+    def reads_registers_only(device: int, register: Register) -> int:
+        if register.size > 8:
+            raise HardwareError("refused", "no register", t=0.0)
+        return read(device, register)
+
+    bench.bus.read = reads_registers_only  # type: ignore[method-assign]
+    for each in (bench, usual):
+        each.guard.connect()
+    assert bench.drive.describe() == usual.drive.describe()
+
+
 def test_a_motor_of_older_firmware_has_no_startup_configuration() -> None:
     bench = Emulated()
     for servo in bench.servos:
