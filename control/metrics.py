@@ -30,13 +30,13 @@ LOCKED_FOR_S = 2.0
 """The target counts as locked once its error has been below this [px] for this time [s]."""
 REVERSAL_RAD = 0.006
 """Motion back that counts as a reversal of a handle [rad]: four counts of its encoder."""
-EXPOSURE_S = 0.020
-"""Exposure time for which motion blur is computed [s]. Assumed."""
 BEHIND_PX = 1e4
 """Error of a target that is not ahead of the camera, and the largest error [px]. Assumed."""
 
 
-def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
+def score(
+    run: Run, calibration: Calibration, scored_from_s: float, exposure_s: float | None = None
+) -> Scores:
     """Compute every metric of a run.
 
     Args:
@@ -45,12 +45,13 @@ def score(run: Run, calibration: Calibration, scored_from_s: float) -> Scores:
         scored_from_s: start of errors, `handle`, `tip` and `blur_px`, counted from the first tick
             [s]; counts and fractions of frames, the lost fraction and the time to lock are of the
             whole run.
+        exposure_s: exposure time of the camera, for `blur_px` [s]; None where it is not known.
 
     Returns:
         The scores. On a bench, which has no truth, the true errors are None; the error of vision
         is then measured against the markers around a target that was followed without them.
     """
-    scorer = Scorer(calibration, scored_from_s)
+    scorer = Scorer(calibration, scored_from_s, exposure_s)
     for tick in run.ticks:
         scorer.tick(tick)
     for seen in run.seen:
@@ -64,10 +65,14 @@ class Scorer:
     Args:
         calibration: calibration of the tip camera, for the image centre.
         scored_from_s: as for `score` [s].
+        exposure_s: as for `score` [s].
     """
 
-    def __init__(self, calibration: Calibration, scored_from_s: float) -> None:
+    def __init__(
+        self, calibration: Calibration, scored_from_s: float, exposure_s: float | None = None
+    ) -> None:
         self._calibration, self._scored_from_s = calibration, scored_from_s
+        self._exposure_s = exposure_s
         self.began_t: float | None = None
         """Time of the first tick [s]; None before it."""
         self.ran_s = 0.0
@@ -145,7 +150,7 @@ class Scorer:
             vision_error_px=_extent(vision) if vision.size or simulated else None,
             handle=self._handle(),
             tip=_tip(np.array(self._bend).reshape(-1, 2)) if simulated else None,
-            blur_px=float(np.mean(self._image_speed)) * EXPOSURE_S if self._image_speed else None,
+            blur_px=self._blur(),
         )
 
     def _scored(self, pairs: array[float]) -> Vector:
@@ -161,6 +166,12 @@ class Scorer:
             self._since = t
         elif self._locked_s is None and t - self._since >= LOCKED_FOR_S - 1e-9:
             self._locked_s = self._since - (self.began_t or 0.0)
+
+    def _blur(self) -> float | None:
+        """Mean motion of the target's image within one exposure [px]."""
+        if self._exposure_s is None or not self._image_speed:
+            return None
+        return float(np.mean(self._image_speed)) * self._exposure_s
 
     def _handle(self) -> HandleScores:
         """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""

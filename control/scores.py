@@ -95,7 +95,8 @@ class Scores(Frozen):
     tip: TipScores | None
     """True motion of the tip; None on a bench."""
     blur_px: float | None
-    """Mean motion of the target's image during one exposure of 20 ms [px]; None on a bench."""
+    """Mean motion of the target's image during one exposure of the camera [px]: 0 for an ideal
+    camera, whose exposures take no time; None on a bench, and where the exposure is not known."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values by name, as `--json` and metrics.json hold them."""

@@ -51,7 +51,9 @@ def main(request: Request) -> int:
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
     values = {field.name: getattr(request, field.name) for field in fields(HysteresisMeasurement)}
-    record = HysteresisMeasurement(**values).run(show_progress=True)
+    measurement = HysteresisMeasurement(**values)
+    output.say(measurement.notes)
+    record = measurement.run(show_progress=True)
     if request.out:
         from endolock.scripts.figures import hysteresis_figure  # loads Matplotlib
 

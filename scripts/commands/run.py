@@ -42,8 +42,9 @@ class Request:
     scored_from_s: tyro.conf.DisallowNone[float | None] = None
     """Time from which the run is scored [s]; else the scenario's."""
     vary: tuple[str, ...] = ()
-    """Changes, all of them applied: KEY=VALUE with a key of the scenario file, instrument.NAME or
-    law.NAME; or disturbances by name (models/disturbances), or TOML files of that form."""
+    """Changes, all of them applied: KEY=VALUE with a key of the scenario file, instrument.NAME,
+    law.NAME or numerics.NAME; or disturbances by name (models/disturbances), or TOML files of that
+    form. A change without effect on this rig and vision is refused."""
     force: bool = False
     """Run a controller even if its gains make the loop unstable."""
     seed: int = 0
@@ -66,6 +67,7 @@ def main(request: Request) -> int:
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
     experiment = experiment_of(request)
+    output.say(experiment.resolve().examined.notes)
     if request.dry_run:
         return dry_run.show(experiment, request.json)
     series = run_all([experiment])

@@ -20,17 +20,24 @@ from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Rig
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.lifecycle import close_all
-from endolock.scripts.runs import overrides, rigs, run_folder, theory
+from endolock.scripts.runs import experiment_checks, overrides, rigs, run_folder, theory
+from endolock.scripts.runs.experiment_checks import Examined
 from endolock.scripts.runs.experiment_fields import CONVERSIONS, converted, described
 from endolock.scripts.runs.progress import progress
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.runs.stopping import closing
 from endolock.scripts.runs.target_path import hindsight
-from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection
 
+OPTIONS = {
+    "camera.latency_s": "--latency-s",
+    "duration_s": "--duration-s",
+    "scored_from_s": "--scored-from-s",
+}
+"""Options for values of the scenario, by dotted key."""
 RUNS = Path("runs")
 """Default parent of run folders."""
 
@@ -56,12 +63,17 @@ class Resolved(NamedTuple):
 
     scenario: Scenario
     instrument: Instrument
+    numerics: Numerics
     settings: Any
     """Settings of the controller; None for an object."""
+    known: dict[str, str]
+    """What settings follow from, by their names: scenario or instrument."""
     changes: dict[str, Any]
     """Values that differ from the scenario's file, by dotted key."""
     bench: Bench | None
     """Configuration of a serial rig; None for other rigs."""
+    examined: Examined
+    """What should be known of it before it runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,23 +164,29 @@ class Experiment:
             changes.setdefault("camera.latency_s", latency_s)
         task = overrides.apply(self.scenario, self.instrument, self.vary, changes)
         scenario = task.scenario
+        examined = Examined()
         if not isinstance(self.rig, str):
-            self._check_rig({**task._asdict(), "seed": self.seed})
-        settings = self._settings(scenario, task.instrument, task.law)
+            if self.bench:
+                raise ConfigError("a bench file goes with rig serial:PORT", "leave bench out")
+            experiment_checks.check_rig(self.rig, task, self.seed)
+        elif isinstance(self.vision, str):
+            examined = experiment_checks.examine(
+                self.rig, self.vision, self.vary, self._given(bench), task
+            )
+        known = self._known(scenario, task.instrument)
+        settings = self._settings(task.law, {name: value for name, (value, _) in known.items()})
         if task.law and not self.force:
             theory.check_stable(self.controller_name, settings, scenario)
-        return Resolved(scenario, task.instrument, settings, task.changes, bench)
-
-    def _check_rig(self, used: dict[str, Any]) -> None:
-        """Check that a rig object was made from the same things as the experiment."""
-        if self.bench:
-            raise ConfigError("a bench file goes with rig serial:PORT", "leave bench out")
-        for name in ("scenario", "instrument", "seed"):
-            if getattr(self.rig, name, used[name]) != used[name]:
-                raise ConfigError(
-                    f"the rig was made with another {name}",
-                    f"give {name}=rig.{name}, and no changes to it",
-                )
+        return Resolved(
+            scenario=scenario,
+            instrument=task.instrument,
+            numerics=task.numerics,
+            settings=settings,
+            known={name: source for name, (_, source) in known.items()},
+            changes=task.changes,
+            bench=bench,
+            examined=examined,
+        )
 
     def run(self, *, label: str = "", show_progress: bool = False) -> RunRecord:
         """Run, score, and complete the run folder.
@@ -200,8 +218,11 @@ class Experiment:
                 controller = self._make(rig, task.settings)
                 name = f"{scenario.name}-{self.controller_name}"
                 path = self.out or run_folder.new_path(RUNS, name)
-                scorer = metrics.Scorer(rig.camera.calibration, scenario.scored_from_s)
-                folder = run_folder.RunFolder(path, {"run": self._described(), **rig.describe()})
+                scorer = metrics.Scorer(
+                    rig.camera.calibration, scenario.scored_from_s, scenario.camera.exposure_s
+                )
+                described = self._described() | task.examined.described()
+                folder = run_folder.RunFolder(path, {"run": described, **rig.describe()})
                 stop.abandon = partial(close_all, handles.hold, folder.close, handles.close)
                 start = time.perf_counter()
                 shown = f"{label} {name}".strip()
@@ -259,6 +280,7 @@ class Experiment:
             wall_s=wall_s,
             real_time_factor=ran_s / wall_s,
             latency_s=scenario.camera.latency_s,
+            timestep_error_deg=task.examined.timestep_error_deg,
             interrupted=interrupted,
             needed_tip_deg=needed,
             constant_px=constant,
@@ -275,20 +297,30 @@ class Experiment:
         }
         return {key: value for key, value in options.items() if value is not None}
 
-    def _settings(self, scenario: Scenario, instrument: Instrument, law: dict[str, Any]) -> Any:
-        if not isinstance(self.controller, str):
-            if law:
-                raise ConfigError(
-                    f"{self.controller_name} is an object", "set its parameters where it is made"
-                )
-            return None
-        known: dict[str, Any] = {}
+    def _given(self, bench: Bench | None) -> dict[str, str]:
+        """What replaces the values of variations, by dotted key."""
+        by_bench = {"camera.latency_s": "the bench file"} if bench else {}
+        return by_bench | {key: OPTIONS[key] for key in self.changes}
+
+    def _known(self, scenario: Scenario, instrument: Instrument) -> dict[str, tuple[Any, str]]:
+        """Values that controllers may know from the task, by name, and what they follow from."""
+        known: dict[str, tuple[Any, str]] = {}
         if scenario.period_s is not None:
-            known["period_s"] = scenario.period_s
+            known["period_s"] = scenario.period_s, "scenario"
         if self.controller == "oracle":
             kind = self.rig if isinstance(self.rig, str) else "twin"
-            known["plays"] = rigs.plays_behind(kind, instrument, scenario.shaft_bend_deg)
-        return registry.configure(self.controller, law, known)
+            plays = rigs.plays_behind(kind, instrument, scenario.shaft_bend_deg)
+            known["plays"] = plays, "instrument"
+        return known
+
+    def _settings(self, law: dict[str, Any], known: dict[str, Any]) -> Any:
+        if isinstance(self.controller, str):
+            return registry.configure(self.controller, law, known)
+        if law:
+            raise ConfigError(
+                f"{self.controller_name} is an object", "set its parameters where it is made"
+            )
+        return None
 
     def _stage(self, task: Resolved) -> tuple[Rig, Eyes, AbstractContextManager[object]]:
         """Return rig and eyes, and what closes a rig that was made here."""
@@ -303,6 +335,7 @@ class Experiment:
             task.scenario,
             vision=self.vision,
             instrument=task.instrument,
+            numerics=task.numerics,
             seed=self.seed,
             overview=True,
             select=self.select,

@@ -17,13 +17,13 @@ from rich.console import Console
 from rich.progress import track
 
 from endolock.hw.api import AXES, ConfigError
-from endolock.scripts.runs import hysteresis_widths, rigs, run_folder
+from endolock.scripts.runs import hysteresis_widths, rigs, run_folder, step_dependence
 from endolock.scripts.runs.hysteresis_protocol import SPEED_RAD_S, Protocol, RecordedStrokes
 from endolock.scripts.runs.progress import progress
 from endolock.scripts.runs.stopping import closing
 from endolock.twin.world import instrument_files
 from endolock.twin.world import scenario as scenarios
-from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 from endolock.twin.world.scenario_sections import PoseTrackerSettings
 
@@ -87,6 +87,22 @@ class HysteresisMeasurement:
         }
         return scenarios.load("rest", watched)
 
+    @property
+    def timestep_error_deg(self) -> float | None:
+        """How much bends depend on the time step, see `step_dependence.error_deg` [deg]."""
+        return step_dependence.error_deg(self.rig, *self._simulated)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What should be known of it before it runs, each in one line."""
+        dependent = step_dependence.note(self.timestep_error_deg, *self._simulated)
+        return (dependent,) if dependent else ()
+
+    @property
+    def _simulated(self) -> tuple[Scenario, Instrument, Numerics]:
+        numerics = NUMERICS[self.numerics]
+        return self.scenario(), instrument_files.load(self.instrument), numerics
+
     def run(self, *, show_progress: bool = False) -> dict[str, Any]:
         """Run the protocol and compute its figures; with `out`, write a run folder.
 
@@ -111,6 +127,7 @@ class HysteresisMeasurement:
             "numerics": self.numerics,
             "noise_deg": self.noise_deg,
             "seed": self.seed,
+            "timestep_error_deg": self.timestep_error_deg,
         }
         if self.map:
             record |= self._maps(show_progress)

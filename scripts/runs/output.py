@@ -1,4 +1,4 @@
-"""The JSON of a command, written to a file or to standard output."""
+"""What a command says: its notes, and its JSON in a file or on standard output."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -79,3 +79,9 @@ def write_json(record: Mapping[str, Any], target: str | None) -> None:
         (_json.get() or sys.stdout).write(text)
         return
     files.write_whole(Path(target), text, "use another --json")
+
+
+def say(notes: Iterable[str]) -> None:
+    """Print notes on standard error, each once, in one line."""
+    for note in dict.fromkeys(notes):
+        print(f"endolock: note: {' '.join(note.split())}", file=sys.stderr)

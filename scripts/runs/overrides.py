@@ -1,7 +1,8 @@
 """Changes of a scenario, an instrument and a controller: KEY=VALUE options, and files.
 
 A variation is written KEY=VALUE, with a key of the scenario file such as camera.jitter_s, or with
-instrument.NAME or law.NAME; or it is the name of a disturbance, or a TOML file of this form:
+instrument.NAME, law.NAME or numerics.NAME; or it is the name of a disturbance, or a TOML file of
+this form:
 
     summary = "one line for people"
     [scenario]          # replaces values; lists such as [[scenario.motion]] are extended
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -23,9 +24,10 @@ from pydantic import Field, ValidationError
 
 from endolock.hw import files
 from endolock.hw.api import ConfigError
+from endolock.hw.errors import did_you_mean
 from endolock.hw.strict import Strict, shown
 from endolock.twin.world import instrument_files, joint_conditions, scenario
-from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 
 FOLDER = "disturbances"
@@ -40,6 +42,7 @@ class Variation(Strict):
     instrument: dict[str, float] = Field(default_factory=dict)
     instrument_times: dict[str, float] = Field(default_factory=dict)
     law: dict[str, Any] = Field(default_factory=dict)
+    numerics: dict[str, float] = Field(default_factory=dict)
 
 
 class Task(NamedTuple):
@@ -51,6 +54,7 @@ class Task(NamedTuple):
     """Changed parameters of the controller, by name."""
     changes: dict[str, Any]
     """Changed values of the scenario, by dotted key."""
+    numerics: Numerics = Numerics()
 
 
 def names() -> list[str]:
@@ -70,10 +74,8 @@ def read(entry: str) -> Variation:
     key, _, text = entry.partition("=")
     section, _, rest = key.partition(".")
     value = _value(text)
-    if section in ("instrument", "law") and rest:
-        if section == "instrument" and (
-            isinstance(value, bool) or not isinstance(value, int | float)
-        ):
+    if section in ("instrument", "law", "numerics") and rest:
+        if section != "law" and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise ConfigError(f"{key}: {shown(text)} is not a number", "give one in SI units")
         return _variation({section: {rest: value}}, "")
     return Variation(scenario={key: value})
@@ -115,22 +117,50 @@ def apply(
     """
     changes: dict[str, Any] = {}
     law: dict[str, Any] = {}
+    numerics = Numerics()
     instrument = instrument_files.load(instrument)
     lists = scenario.values_of(source)[0]
     for entry in entries:
         variation = read(entry)
-        for key, value in _flat(variation.scenario).items():
+        for key, value in flat(variation.scenario).items():
             extends = "=" not in entry and isinstance(value, list)
             if extends and value and isinstance(value[0], dict):
                 before = changes.get(key, lists.get(key, []))
                 value = [*(before if isinstance(before, list | tuple) else [before]), *value]
             changes[key] = value
         instrument = _changed(instrument, variation)
+        numerics = _refined(numerics, variation.numerics)
         law |= variation.law
     changes |= options or {}
     loaded = scenario.load(source, changes)
     joint_conditions.check_shaft(loaded, instrument)
-    return Task(loaded, instrument, law, changes)
+    return Task(loaded, instrument, law, changes, numerics)
+
+
+def changed_keys(entry: str) -> Iterator[tuple[str, Any]]:
+    """Yield each key that a variation changes, such as camera.noise or law.ki, and its value.
+
+    Raises:
+        ConfigError: as for `read`.
+    """
+    variation = read(entry)
+    yield from flat(variation.scenario).items()
+    for name in ("instrument", "law", "numerics"):
+        yield from flat({name: getattr(variation, name)}).items()
+    for name, factor in variation.instrument_times.items():
+        yield f"instrument.{name}", factor
+
+
+def _refined(numerics: Numerics, values: Mapping[str, float]) -> Numerics:
+    known = dataclasses.asdict(numerics)
+    for name, value in values.items():
+        if name not in known:
+            hint = did_you_mean(name, known, "numerics.")
+            raise ConfigError(f"numerics have no {name}", f"they have {', '.join(known)}{hint}")
+        if isinstance(known[name], int) and value != int(value):
+            raise ConfigError(f"numerics.{name} is {value:g}", "give a whole number")
+        known[name] = type(known[name])(value)
+    return Numerics(**known)
 
 
 def _changed(instrument: Instrument, variation: Variation) -> Instrument:
@@ -147,12 +177,13 @@ def _changed(instrument: Instrument, variation: Variation) -> Instrument:
     )
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten nested tables to dotted keys; lists stay as they are."""
+    found: dict[str, Any] = {}
     for key, value in values.items():
         nested = isinstance(value, Mapping)
-        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
-    return flat
+        found |= flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return found
 
 
 def _value(text: str) -> Any:

@@ -20,7 +20,7 @@ from endolock.twin.physics.surrogate_plant import Transmission
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
 from endolock.twin.world.fitted_plays import plays_of
-from endolock.twin.world.instrument import NUMERICS, Instrument
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.instrument_cable import transmission_of
 from endolock.twin.world.scenario import Scenario
 from endolock.vision.marker_eyes import MarkerEyes
@@ -38,7 +38,7 @@ class RigParameters:
 
     scenario: Scenario
     instrument: Instrument
-    numerics: str
+    numerics: Numerics
     seed: int
     pictures: bool
     overview: bool
@@ -48,7 +48,7 @@ class RigParameters:
         """Arguments that `TwinRig` and `HilRig` share."""
         return {
             "instrument": self.instrument,
-            "numerics": NUMERICS[self.numerics],
+            "numerics": self.numerics,
             "seed": self.seed,
             "pictures": self.pictures,
             "overview": self.overview,
@@ -149,7 +149,7 @@ def make(
     *,
     vision: str,
     instrument: Instrument,
-    numerics: str = "default",
+    numerics: str | Numerics = "default",
     seed: int,
     overview: bool = False,
     select: Selection | None = None,
@@ -162,7 +162,7 @@ def make(
         scenario: the task.
         vision: one of `VISIONS`; truth takes no pictures.
         instrument: parameters of the endoscope.
-        numerics: accuracy of the simulation, one of `NUMERICS`.
+        numerics: accuracy of the simulation, by its name in `NUMERICS` or as an object.
         seed: seed of all random numbers.
         overview: whether a fixed camera takes pictures too.
         select: rectangle of the first picture to follow, with track only.
@@ -173,7 +173,7 @@ def make(
         ConfigError: one of the names is unknown or does not fit the others, pictures cannot be
             rendered here, or the selection is not on the board in the picture.
     """
-    check(rig, vision, numerics)
+    check(rig, vision, numerics if isinstance(numerics, str) else "default")
     _check_selection(select, vision)
     made: AnyRig
     if rig.startswith(SERIAL):
@@ -184,7 +184,7 @@ def make(
             RigParameters(
                 scenario=scenario,
                 instrument=instrument,
-                numerics=numerics,
+                numerics=NUMERICS[numerics] if isinstance(numerics, str) else numerics,
                 seed=seed,
                 pictures=vision != "truth",
                 overview=overview,

@@ -137,6 +137,7 @@ def place(given: Path | None, base: Path, name: str) -> Iterator[Path]:
     Raises:
         ConfigError: it cannot be made.
     """
+    existed = base.exists()
     path = given or new_path(base, name)
     try:
         yield path
@@ -144,6 +145,8 @@ def place(given: Path | None, base: Path, name: str) -> Iterator[Path]:
         if given is None:
             with suppress(OSError):  # not empty
                 path.rmdir()
+                if not existed:
+                    base.rmdir()
 
 
 def _versions() -> dict[str, str]:

@@ -38,6 +38,10 @@ class RunRecord(Scores):
     """Simulated time over wall-clock time [1]; None in the rows of a constant handle angle."""
     latency_s: float | None
     """Exposure to delivery of a frame [s]."""
+    timestep_error_deg: float | None = None
+    """Largest difference of a bend between the time step and a quarter of it, on a fixed drive
+    [deg]; above 0.5 the results depend on the step. None where it is not checked: without physics,
+    and for the instruments and numerics that come with the package, which converge."""
     interrupted: bool
     """Whether a Ctrl-C or a kill ended the run early."""
     needed_tip_deg: tuple[float, ...] | None

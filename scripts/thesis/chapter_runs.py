@@ -18,7 +18,6 @@ Reference:
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -60,6 +59,9 @@ EXTRA: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 """A width 1.5 times as large, no friction, a known distance, less latency; by name: scenario,
 controller, changes."""
+EXPOSURE_S = 0.020
+"""Exposure for which blur is computed from the motion of the image [s]: a field of PAL. Assumed;
+the pictures of these runs have none."""
 STROKE_S = 4.3
 """Time between two reversals of the target [s]."""
 
@@ -80,7 +82,7 @@ class Trace(NamedTuple):
     bend: Vector
     """True bends of the tip, m x 2 [deg]."""
     blur_px: float
-    """Mean image motion of the target within an exposure, over the whole run [px]."""
+    """Mean image motion of the target within `EXPOSURE_S`, over the whole run [px]."""
 
     @property
     def total(self) -> Vector:
@@ -191,6 +193,8 @@ def trace(folder: Path) -> Trace:
     centre = run_folder.configuration(folder)["calibration"]["centre_px"]
     seen = np.array(frames["status"]) == "tracking"
     pixels = np.array(frames["target_px"].to_pylist(), float)[seen]
+    moves = np.diff(np.array(ticks["target_px"].to_pylist(), float), axis=0)
+    speeds = np.hypot(*moves.T) / np.diff(np.array(ticks["t"]))
     inside = [dict(row or ()) for row in ticks["signals"].to_pylist()]
     names = [f"compensation_{axis}_rad" for axis in ("up_down", "left_right")]
     return Trace(
@@ -200,7 +204,7 @@ def trace(folder: Path) -> Trace:
         np.degrees(np.array(ticks["position_rad"].to_pylist())),
         np.degrees([[row.get(name, 0.0) for name in names] for row in inside]),
         np.degrees(np.array(ticks["bend_rad"].to_pylist())),
-        json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["blur_px"],
+        EXPOSURE_S * float(np.mean(speeds[np.isfinite(speeds)])),
     )
 
 

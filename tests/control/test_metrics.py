@@ -18,6 +18,7 @@ from endolock.vision.observation import Observation, Status
 
 CAMERA = Calibration(width=640, height=480, focal_px=250.0, centre_px=(319.5, 239.5))
 PERIOD_S = 0.02
+EXPOSURE_S = 0.02
 
 ROUNDING = 1e-9  # of a few hundred operations on numbers below a thousand
 
@@ -97,7 +98,8 @@ def frame(
 
 
 def score(ticks: Sequence[Tick], seen: Sequence[Seen] = (), from_s: float = 0.0) -> dict[str, Any]:
-    return metrics.score(Run(ticks=list(ticks), seen=list(seen)), CAMERA, from_s).as_dict()
+    run = Run(ticks=list(ticks), seen=list(seen))
+    return metrics.score(run, CAMERA, from_s, EXPOSURE_S).as_dict()
 
 
 def errors(*px: float, start_s: float = 0.0) -> list[Tick]:
@@ -273,7 +275,11 @@ def test_motion_of_tip_and_handles_on_each_axis() -> None:
 
 def test_blur_is_the_motion_during_an_exposure() -> None:
     ticks = [tick(n * PERIOD_S, truth(60 * n * PERIOD_S, 80 * n * PERIOD_S)) for n in range(100)]
-    assert score(ticks)["blur_px"] == pytest.approx(100 * metrics.EXPOSURE_S)  # at 100 px/s
+    run = Run(ticks=ticks, seen=[])
+    for exposure_s in (0.0, 0.004, 0.03):
+        blur = metrics.score(run, CAMERA, 0.0, exposure_s).blur_px
+        assert blur == pytest.approx(100 * exposure_s)  # at 100 px/s
+    assert metrics.score(run, CAMERA, 0.0).blur_px is None  # the exposure is not known
 
 
 def test_a_run_that_is_not_kept_scores_the_same() -> None:

@@ -1,0 +1,69 @@
+"""Whether a run depends on the time step of its simulation, and numerics with which it does not."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from endolock.scripts.runs.rigs import RIGS
+from endolock.twin.physics import timestep_check
+from endolock.twin.physics.timestep_check import FINER, LIMIT_DEG
+from endolock.twin.world import instrument_files
+from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
+from endolock.twin.world.scenario import Scenario
+
+
+@cache
+def _known() -> frozenset[tuple[Instrument, Numerics]]:
+    """Return what needs no check, because a test shows that it converges.
+
+    That is the instruments of the package, with the presets of at most the default's step.
+    """
+    presets = [n for n in NUMERICS.values() if n.timestep_s <= Numerics().timestep_s]
+    shipped = [instrument_files.load(name) for name in instrument_files.names()]
+    return frozenset((i, n) for i in shipped for n in presets)
+
+
+def error_deg(
+    rig: str, scenario: Scenario, instrument: Instrument, numerics: Numerics
+) -> float | None:
+    """Return how much bends depend on the step, see `timestep_check.timestep_error_deg` [deg].
+
+    Args:
+        rig: name of the rig.
+        scenario: gives bend of the shaft and gravity.
+        instrument: parameters of the endoscope.
+        numerics: resolution of the simulation.
+
+    Returns:
+        None where nothing was checked: without physics, and for an instrument of the package with
+        the presets `default` and `fidelity`.
+    """
+    physics = rig in RIGS and RIGS[rig].pictures
+    if not physics or (instrument, numerics) in _known():
+        return None
+    bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
+    return timestep_check.timestep_error_deg(instrument, numerics, bend_deg, gravity)
+
+
+def note(
+    error: float | None, scenario: Scenario, instrument: Instrument, numerics: Numerics
+) -> str | None:
+    """Return one line about an error above `LIMIT_DEG`, with numerics that converge; else None."""
+    if error is None or error <= LIMIT_DEG:
+        return None
+    step_ms = 1e3 * numerics.timestep_s
+    what = (
+        f"results depend on the time step: on a fixed drive, bends at {step_ms:g} and "
+        f"{step_ms / FINER:g} ms differ by {error:.1f} deg"
+    )
+    return f"{what}; {advice(scenario, instrument, numerics)}"
+
+
+def advice(scenario: Scenario, instrument: Instrument, numerics: Numerics) -> str:
+    """Say with which numerics an instrument converges, as what to do next."""
+    bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
+    found = timestep_check.converging(instrument, numerics, bend_deg, gravity)
+    if found is None:
+        least_ms = 1e3 * timestep_check.SMALLEST_S
+        return f"no step down to {least_ms:g} ms converges: use a stiffer section or softer wires"
+    return f"--vary numerics.timestep_s={found.timestep_s:g} converges"
