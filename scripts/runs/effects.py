@@ -3,7 +3,7 @@
 A change that nobody asked for by name may be ignored; one that was asked for may not. A `--vary`
 none of whose keys has an effect is refused; where only some have none, that is said.
 
-    reason("camera.noise", Setting("twin", "truth", scenario, instrument))
+    reason("camera.noise", Setting("twin", "truth", scenario, instrument, scenario))
     -> ("camera.noise has no effect with vision truth", "use vision markers or track")
 """
 
@@ -22,7 +22,7 @@ from endolock.twin.world.scenario import Scenario
 
 
 class Setting(NamedTuple):
-    """What decides whether a key is read; scenario and instrument with all changes applied."""
+    """What decides whether a key is read; scenario and instrument with all changes."""
 
     rig: str
     """One of `RIGS`, or serial:PORT."""
@@ -30,6 +30,8 @@ class Setting(NamedTuple):
     """One of `VISIONS`."""
     scenario: Scenario
     instrument: Instrument
+    plain: Scenario
+    """The scenario without its changes."""
 
 
 class Reader(NamedTuple):
@@ -52,9 +54,16 @@ ALL = SIMULATED | {BENCH}
 PICTURES, TRUTH = frozenset(VISIONS) - {"truth"}, frozenset({"truth"})
 
 
+def _target(scenario: Scenario) -> tuple[float, float]:
+    return boards.aimed(scenario.board.kind, scenario.board.target).target
+
+
 def _off_centre(setting: Setting) -> bool:
-    board = setting.scenario.board
-    return setting.vision != "truth" or any(boards.aimed(board.kind, board.target).target)
+    return setting.vision != "truth" or any(_target(setting.scenario))
+
+
+def _other_target(setting: Setting) -> bool:
+    return setting.vision != "truth" or _target(setting.scenario) != _target(setting.plain)
 
 
 def _exposed(setting: Setting) -> bool:
@@ -93,7 +102,9 @@ KEYS: dict[str, Reader] = {
         used=lambda s: s.scenario.board.depth_travel_m > 0,
         needs="board.depth_travel_m above 0",
     ),
-    "board.kind": Reader(SIMULATED, used=_off_centre, needs=_MOVES),
+    "board.kind": Reader(
+        SIMULATED, used=_other_target, needs="with vision truth, a target elsewhere on the board"
+    ),
     "board.target": _SHARED,
     "board.tilt_deg": Reader(SIMULATED, used=_off_centre, needs=_MOVES),
     "board.tilt_axis_deg": Reader(

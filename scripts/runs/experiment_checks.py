@@ -40,7 +40,7 @@ def examine(
     Raises:
         ConfigError: a variation has no effect.
     """
-    setting = effects.Setting(rig, vision, task.scenario, task.instrument)
+    setting = effects.Setting(rig, vision, task.scenario, task.instrument, task.plain)
     notes = effects.check(vary, given, setting)
     used = task.scenario, task.instrument, task.numerics
     error_deg = step_dependence.error_deg(rig, *used)

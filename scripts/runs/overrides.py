@@ -42,7 +42,7 @@ class Variation(Strict):
     instrument: dict[str, float] = Field(default_factory=dict)
     instrument_times: dict[str, float] = Field(default_factory=dict)
     law: dict[str, Any] = Field(default_factory=dict)
-    numerics: dict[str, float] = Field(default_factory=dict)
+    numerics: dict[str, Any] = Field(default_factory=dict)
 
 
 class Task(NamedTuple):
@@ -54,7 +54,9 @@ class Task(NamedTuple):
     """Changed parameters of the controller, by name."""
     changes: dict[str, Any]
     """Changed values of the scenario, by dotted key."""
-    numerics: Numerics = Numerics()
+    numerics: Numerics
+    plain: Scenario
+    """The scenario without the changes."""
 
 
 def names() -> list[str]:
@@ -75,7 +77,8 @@ def read(entry: str) -> Variation:
     section, _, rest = key.partition(".")
     value = _value(text)
     if section in ("instrument", "law", "numerics") and rest:
-        if section != "law" and (isinstance(value, bool) or not isinstance(value, int | float)):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if section == "instrument" and not number:
             raise ConfigError(f"{key}: {shown(text)} is not a number", "give one in SI units")
         return _variation({section: {rest: value}}, "")
     return Variation(scenario={key: value})
@@ -134,7 +137,7 @@ def apply(
     changes |= options or {}
     loaded = scenario.load(source, changes)
     joint_conditions.check_shaft(loaded, instrument)
-    return Task(loaded, instrument, law, changes, numerics)
+    return Task(loaded, instrument, law, changes, numerics, scenario.load(source))
 
 
 def changed_keys(entry: str) -> Iterator[tuple[str, Any]]:
@@ -153,14 +156,11 @@ def changed_keys(entry: str) -> Iterator[tuple[str, Any]]:
 
 def _refined(numerics: Numerics, values: Mapping[str, float]) -> Numerics:
     known = dataclasses.asdict(numerics)
-    for name, value in values.items():
+    for name in values:
         if name not in known:
             hint = did_you_mean(name, known, "numerics.")
             raise ConfigError(f"numerics have no {name}", f"they have {', '.join(known)}{hint}")
-        if isinstance(known[name], int) and value != int(value):
-            raise ConfigError(f"numerics.{name} is {value:g}", "give a whole number")
-        known[name] = type(known[name])(value)
-    return Numerics(**known)
+    return Numerics(**known | dict(values))
 
 
 def _changed(instrument: Instrument, variation: Variation) -> Instrument:
