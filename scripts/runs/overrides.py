@@ -56,7 +56,7 @@ class Task(NamedTuple):
     """Changed values of the scenario, by dotted key."""
     numerics: Numerics
     plain: Scenario
-    """The scenario without the changes."""
+    """The scenario without the changes; with them where it is not possible without."""
 
 
 def names() -> list[str]:
@@ -137,7 +137,10 @@ def apply(
     changes |= options or {}
     loaded = scenario.load(source, changes)
     joint_conditions.check_shaft(loaded, instrument)
-    return Task(loaded, instrument, law, changes, numerics, scenario.load(source))
+    plain = loaded
+    with suppress(ConfigError):  # some are possible with their changes only
+        plain = scenario.load(source)
+    return Task(loaded, instrument, law, changes, numerics, plain)
 
 
 def changed_keys(entry: str) -> Iterator[tuple[str, Any]]:
