@@ -30,6 +30,7 @@ from rich.text import Text
 
 from endolock.hw.api import Calibration, ConfigError, Frame
 from endolock.scripts.commands.doctor.finding import Finding
+from endolock.scripts.commands.doctor.numerics_check import numerics
 from endolock.scripts.runs import output
 
 LISTED = Path(__file__).resolve().parents[3] / "requirements.txt"
@@ -96,6 +97,7 @@ def examine(console: Console, request: Request) -> list[Finding]:
     checks: tuple[tuple[str, Callable[[], Finding], str], ...] = (
         ("python", python, "install Python 3.11 or newer"),
         ("mujoco", mujoco_, f"{OPENGL}; or {ALL}"),
+        ("numerics", numerics, ALL),
         ("picture", lambda: picture(sights), f"{OPENGL}; until then: --vision truth"),
         ("opencv", lambda: opencv(sights), ALL),
         ("rerun", rerun_, f"{ALL}; make {tempfile.gettempdir()} writable"),

@@ -17,7 +17,18 @@ from endolock.hw.camera import video_camera
 from endolock.scripts.commands.doctor import examination
 from endolock.scripts.commands.doctor.finding import Finding
 
-NAMES = ["python", "mujoco", "picture", "opencv", "rerun", "disk", "serial", "video", "versions"]
+NAMES = [
+    "python",
+    "mujoco",
+    "numerics",
+    "picture",
+    "opencv",
+    "rerun",
+    "disk",
+    "serial",
+    "video",
+    "versions",
+]
 
 
 def test_doctor_passes_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,6 +44,7 @@ def test_doctor_passes_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFix
     assert not any(check["advice"] for check in checks.values())
     assert checks["python"]["text"].startswith(f"{platform.python_version()}, ")
     assert checks["mujoco"]["text"].startswith("4.0.")
+    assert re.search(r"default \(0\.0\d deg\), fast \(0\.\d\d deg\)", checks["numerics"]["text"])
     assert f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')}" in checks["picture"]["text"]
     assert re.search(r"\d+ markers found", checks["opencv"]["text"])
     assert version("rerun-sdk") in checks["rerun"]["text"]
@@ -69,7 +81,7 @@ def test_mujoco_that_cannot_be_loaded_is_a_red_line() -> None:
     done = _doctor("doctor.Request()", environment)
     assert done.returncode == 2
     red = {line.split()[0] for line in done.stdout.splitlines() if "FAILS" in line}
-    assert red == {"mujoco", "picture", "opencv"}
+    assert red == {"mujoco", "numerics", "picture", "opencv"}
     assert "invalid value for environment variable MUJOCO_GL: chalk" in " ".join(
         done.stdout.split()
     )
