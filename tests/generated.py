@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import types
+from functools import cache
 from math import exp, inf, log, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -63,7 +64,7 @@ class Generated:
             kind: the class.
             given: probability of each of the others.
         """
-        hints = get_type_hints(kind, include_extras=True)
+        hints = _hints(kind)
         made: dict[str, Any] = {}
         for name, default in _defaults(kind).items():
             if default is _MISSING or self._random.random() < given:
@@ -150,6 +151,12 @@ class Generated:
 
 
 _MISSING = object()
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields of a class, with their marks."""
+    return get_type_hints(kind, include_extras=True)
 
 
 def _defaults(kind: Any) -> dict[str, Any]:

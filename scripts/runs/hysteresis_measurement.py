@@ -45,6 +45,10 @@ class MeasuredStrokes(NamedTuple):
     """Duration on the rig's clock [s]."""
 
 
+LARGEST_BEND_DEG = 360.0
+"""Largest bend of the other axis that is tried [deg]: twice what any endoscope reaches."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class HysteresisMeasurement:
     """Slow strokes of one axis in front of a pose tracker.
@@ -81,6 +85,10 @@ class HysteresisMeasurement:
         Raises:
             ConfigError: a value is out of range.
         """
+        if not abs(self.other_axis_deg) <= LARGEST_BEND_DEG:
+            raise ConfigError(
+                f"--other-axis-deg {self.other_axis_deg:g}", "use a number of degrees, such as 60"
+            )
         watched = {
             "shaft_bend_deg": self.shaft_deg,
             "tracker.rotation_noise_deg": self.noise_deg,

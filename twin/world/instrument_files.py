@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from textwrap import wrap
 
@@ -39,7 +39,7 @@ def load(source: str | Path | Instrument) -> Instrument:
     if isinstance(source, Instrument):
         return source
     values, name = files.read("instrument", FOLDER, str(source))
-    known = list(meanings())
+    known = [field.name for field in fields(Instrument)]
     for key in values:
         if key not in known:
             hint = did_you_mean(key, known).removeprefix("; ")

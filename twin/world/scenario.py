@@ -121,8 +121,6 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
         ConfigError: there is no such scenario, the file is not TOML, a key is unknown, or a value
             is out of range.
     """
-    if isinstance(source, Scenario) and not overrides:
-        return source
     values, name = values_of(source)
     if "name" in values:
         raise ConfigError(
@@ -139,7 +137,8 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
                 )
         table[last] = value
     try:
-        return Scenario.model_validate({**values, "name": name})
+        made = Scenario.model_validate({**values, "name": name})  # copies are not checked when made
+        return source if isinstance(source, Scenario) and not overrides else made
     except ValidationError as error:
         parts = reversed(list(SECTIONS))  # if several sections have a key, the first is proposed
         elsewhere = {key: f"{part}.{key}" for part in parts for key in _keys((part,))}
@@ -157,7 +156,8 @@ def values_of(source: str | Path | Scenario) -> tuple[dict[str, Any], str]:
         ConfigError: there is no such scenario, or the file is not TOML.
     """
     if isinstance(source, Scenario):
-        return source.model_dump(exclude={"name"}, exclude_none=True), source.name
+        values = source.model_dump(exclude={"name"}, exclude_none=True, warnings=False)
+        return values, source.name
     return files.read("scenario", FOLDER, str(source))
 
 

@@ -82,6 +82,15 @@ def test_values_that_cannot_be_together_are_refused(changes: dict[str, Any], why
     assert caught.value.next_step
 
 
+def test_a_changed_copy_is_checked_when_it_is_used() -> None:
+    """A copy by `model_copy` is not checked by pydantic."""
+    near = REST.model_copy(update={"board": REST.board.model_copy(update={"distance_m": True})})
+    with pytest.raises(ConfigError, match=r"board\.distance_m: should be a valid number, got true"):
+        scenario.load(near)
+    short = REST.model_copy(update={"duration_s": 1.0})
+    assert scenario.load(short) is short
+
+
 @pytest.mark.parametrize("name", ["", "a/b", "../a", "a\nb", "\x1b[2J", "x" * 201])
 def test_a_name_is_that_of_a_folder(name: str) -> None:
     with pytest.raises(ValueError, match="name"):
