@@ -7,12 +7,12 @@ Errors are limited to `BEHIND_PX`, which is also the error of a target behind th
 
 from __future__ import annotations
 
-from array import array
 from math import isfinite
 
 import numpy as np
 
 from endolock.control.loop import Run, Seen, Tick
+from endolock.control.numbers_kept import Numbers, Travel
 from endolock.control.rms import rms
 from endolock.control.scores import (
     ErrorExtent,
@@ -79,17 +79,20 @@ class Scorer:
         """From the first tick to the last [s]."""
         self._begin = scored_from_s - 1e-9
         self._on_a_bench = False
-        self._ticks = self._lost = self._overruns = 0
+        self._ticks = self._scored_ticks = self._lost = self._overruns = 0
         self._frames = self._accepted = self._dropped = 0
         self._since: float | None = None
         self._locked_s: float | None = None
         self._last: Tick | None = None
         # Of the scored ticks; those of the truth where it is known.
-        self._state_t, self._position, self._rate = array("d"), array("d"), array("d")
-        self._error, self._error_deg, self._bend = array("d"), array("d"), array("d")
-        self._image_speed = array("d")
-        # Of the accepted frames: time of delivery and error, in turn.
-        self._delayed, self._vision = array("d"), array("d")
+        self._state_ts: tuple[float, float] | None = None
+        self._position, self._rate = Numbers(), Numbers()
+        self._error, self._error_deg, self._image_speed = Numbers(), Numbers(), Numbers()
+        self._bend_deg = Travel()
+        # Of the accepted frames delivered in the scored part.
+        self._delayed, self._vision = Numbers(), Numbers()
+        self._early: list[tuple[float, float, float]] = []
+        """What `_judge` takes, of the frames before the first tick."""
 
     def tick(self, tick: Tick) -> None:
         """Take one control period."""
@@ -97,6 +100,7 @@ class Scorer:
         if self.began_t is None:
             self.began_t, self._on_a_bench = tick.t, truth is None
             self._begin = self._scored_from_s - 1e-9 + tick.t
+            self._take_early()
         self.ran_s = tick.t - self.began_t
         self._ticks += 1
         self._lost += tick.status is Status.LOST
@@ -105,13 +109,15 @@ class Scorer:
         self._look_for_lock(tick.t, error)
         if tick.t < self._begin:
             return
-        self._state_t.append(tick.state.t)
-        self._position.extend(tick.state.position)
-        self._rate.extend(tick.state.velocity)
+        first, _ = self._state_ts or (tick.state.t, 0.0)
+        self._state_ts = first, tick.state.t
+        self._scored_ticks += 1
+        self._position.append(*tick.state.position)
+        self._rate.append(*tick.state.velocity)
         if truth and error is not None:
             self._error.append(error)
             self._error_deg.append(truth.error_deg)
-            self._bend.extend(truth.plant.bend_rad)
+            self._bend_deg.append(np.degrees(truth.plant.bend_rad).tolist())
         if truth and self._last and self._last.truth:
             moved = np.hypot(*np.subtract(truth.target_px, self._last.truth.target_px))
             if isfinite(speed := moved / (tick.t - self._last.t)):
@@ -120,23 +126,26 @@ class Scorer:
 
     def seen(self, seen: Seen) -> None:
         """Take one frame."""
-        observation, at = seen.observation, seen.frame.t_available
         self._frames += 1
         self._dropped += seen.frame.dropped
-        if observation.status is not Status.TRACKING:
+        if seen.observation.status is not Status.TRACKING:
             return
         self._accepted += 1
-        self._delayed.extend((at, _radius(self._calibration, observation.target_px)))
+        pixel = seen.observation.target_px
         # The truth; on a bench the markers around the target.
-        true = seen.truth.target_px if seen.truth else observation.reference_px
-        if isfinite(true[0]):
-            off = float(np.hypot(*np.subtract(observation.target_px, true)))
-            self._vision.extend((at, off))
+        true = seen.truth.target_px if seen.truth else seen.observation.reference_px
+        off = float(np.hypot(*np.subtract(pixel, true)))
+        judged = seen.frame.t_available, _radius(self._calibration, pixel), off
+        if self.began_t is None:
+            self._early.append(judged)
+        else:
+            self._judge(*judged)
 
     def scores(self) -> Scores:
         """Return the scores of all that was taken."""
+        self._take_early()
         simulated = not self._on_a_bench
-        vision = self._scored(self._vision)
+        vision = self._vision.all()
         return Scores(
             overruns=self._overruns,
             frames=self._frames,
@@ -144,19 +153,27 @@ class Scorer:
             detected_fraction=self._accepted / self._frames if self._frames else None,
             lost_fraction=self._lost / self._ticks if self._ticks else None,
             time_to_lock_s=self._locked_s,
-            error_px=summary(np.array(self._error)) if simulated else None,
-            error_deg=_extent(np.array(self._error_deg)) if simulated else None,
-            delayed_error_px=summary(self._scored(self._delayed)),
+            error_px=summary(self._error.all()) if simulated else None,
+            error_deg=_extent(self._error_deg.all()) if simulated else None,
+            delayed_error_px=summary(self._delayed.all()),
             vision_error_px=_extent(vision) if vision.size or simulated else None,
             handle=self._handle(),
-            tip=_tip(np.array(self._bend).reshape(-1, 2)) if simulated else None,
+            tip=self._tip() if simulated else None,
             blur_px=self._blur(),
         )
 
-    def _scored(self, pairs: array[float]) -> Vector:
-        """Return the errors of the frames delivered in the scored part."""
-        at, error = np.array(pairs).reshape(-1, 2).T
-        return np.ascontiguousarray(error[at >= self._begin])
+    def _take_early(self) -> None:
+        """Judge the frames before the first tick, from which the scored part is counted."""
+        early, self._early = self._early, []
+        for judged in early:
+            self._judge(*judged)
+
+    def _judge(self, t_available: float, delayed: float, vision: float) -> None:
+        """Keep the errors of an accepted frame, if it was delivered in the scored part."""
+        if t_available >= self._begin:
+            self._delayed.append(delayed)
+            if isfinite(vision):
+                self._vision.append(vision)
 
     def _look_for_lock(self, t: float, error: float | None) -> None:
         """Find the first time after which the error stays low for `LOCKED_FOR_S`."""
@@ -169,18 +186,25 @@ class Scorer:
 
     def _blur(self) -> float | None:
         """Mean motion of the target's image within one exposure [px]."""
-        if self._exposure_s is None or not self._image_speed:
+        speed = self._image_speed.all()
+        if self._exposure_s is None or not speed.size:
             return None
-        return float(np.mean(self._image_speed)) * self._exposure_s
+        return float(np.mean(speed)) * self._exposure_s
+
+    def _tip(self) -> TipScores:
+        """True motion of the tip on each axis [deg]: peak to peak, and distance travelled."""
+        p2p_deg, travel_deg = self._bend_deg.moved or (None, None)
+        return TipScores(p2p_deg=p2p_deg, travel_deg=travel_deg)
 
     def _handle(self) -> HandleScores:
         """Motion of both handles together, from measured positions and speeds; p2p_deg of each."""
-        t = np.array(self._state_t)
-        if len(t) < 4 or t[-1] <= t[0]:
+        first, last = self._state_ts or (0.0, 0.0)
+        n = self._scored_ticks
+        if n < 4 or last <= first:
             return HandleScores()
-        position = np.array(self._position).reshape(len(t), -1)
-        rate = np.array(self._rate).reshape(len(t), -1)
-        dt = (t[-1] - t[0]) / (len(t) - 1)
+        position = self._position.all().reshape(n, -1)
+        rate = self._rate.all().reshape(n, -1)
+        dt = (last - first) / (n - 1)
         accel = np.diff(rate, axis=0) / dt
         jerk = np.diff(accel, axis=0) / dt
         reversals = sum(_reversals(axis.tolist()) for axis in position.T)
@@ -189,7 +213,7 @@ class Scorer:
             accel_rms=rms(np.linalg.norm(accel, axis=1)),
             jerk_rms=rms(np.linalg.norm(jerk, axis=1)),
             travel_rad=float(np.abs(np.diff(position, axis=0)).sum()),
-            reversals_per_s=reversals / float(t[-1] - t[0]),
+            reversals_per_s=reversals / (last - first),
             p2p_deg=np.degrees(np.ptp(position, axis=0)).tolist(),
         )
 
@@ -221,17 +245,6 @@ def _extent(error: Vector) -> ErrorExtent:
     if not error.size:
         return ErrorExtent()
     return ErrorExtent(rms=rms(error), max=float(error.max()))
-
-
-def _tip(bend_rad: Vector) -> TipScores:
-    """True motion of the tip on each axis, from its bends, n x 2 [rad]."""
-    if not bend_rad.size:
-        return TipScores()
-    bend = np.degrees(bend_rad)
-    return TipScores(
-        p2p_deg=np.ptp(bend, axis=0).tolist(),
-        travel_deg=np.abs(np.diff(bend, axis=0)).sum(axis=0).tolist(),
-    )
 
 
 def _reversals(position: list[float]) -> int:

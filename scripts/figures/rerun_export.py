@@ -7,11 +7,11 @@ time, section and board at their true time, which makes the latency visible.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
@@ -26,10 +26,12 @@ from endolock.scripts.figures.palette import (
     RGB_RED,
     RGB_YELLOW,
 )
-from endolock.scripts.runs import run_folder
+from endolock.scripts.runs import folder_contents
 from endolock.twin.world.instrument import WIRES
 
 TIMELINE = "time"
+CHUNK = 250
+"""Number of rows that are converted at a time."""
 
 
 def derive(folder: Path) -> Path:
@@ -41,10 +43,10 @@ def derive(folder: Path) -> Path:
     Raises:
         ConfigError: not a run folder, or it cannot be written.
     """
-    ticks, frames = run_folder.read(folder, "ticks"), run_folder.read(folder, "frames")
-    configuration = run_folder.configuration(folder)
+    configuration = folder_contents.configuration(folder)
     path = folder / "run.rrd"
-    signals_shown = any(ticks["signals"].to_pylist())
+    batches = folder_contents.batches(folder, "ticks")
+    signals_shown = any(any(batch["signals"].to_pylist()) for batch in batches)
     with (
         files.replacing(path, "copy the folder first") as part,
         rr.RecordingStream("endolock", recording_id=folder.resolve().name) as stream,
@@ -52,10 +54,30 @@ def derive(folder: Path) -> Path:
         stream.save(part, default_blueprint=_blueprint(signals_shown))
         _still(stream, configuration)
         centre = configuration["calibration"]["centre_px"]
-        _frames(stream, frames, centre)
-        _ticks(stream, ticks, centre)
+        board: list[list[float]] = []
+        for rows in _chunks(folder, "frames"):
+            _frames(stream, rows, centre)
+            board += [row["board_pose"][:3] for row in rows if row["true_t"] is not None]
+        if board:
+            strip = rr.LineStrips3D([np.array(board)], radii=0.0006, colors=RGB_RED)
+            stream.log("world/path", strip, static=True)
+        named: set[str] = set()
+        for rows in _chunks(folder, "ticks"):
+            _ticks(stream, rows, centre, named)
         stream.disconnect()
     return path
+
+
+def _chunks(folder: Path, table: str) -> Iterator[list[dict[str, Any]]]:
+    """Yield the rows of a table a few at a time; pictures of a whole one can take gigabytes."""
+    rows: list[dict[str, Any]] = []
+    for batch in folder_contents.batches(folder, table):
+        rows += batch.to_pylist()
+        if len(rows) >= CHUNK:
+            yield rows
+            rows = []
+    if rows:
+        yield rows
 
 
 def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
@@ -96,9 +118,8 @@ def _still(stream: rr.RecordingStream, configuration: dict[str, Any]) -> None:
         stream.log(path, rr.SeriesLines(names=name, colors=colour, widths=1.5), static=True)
 
 
-def _frames(stream: rr.RecordingStream, frames: pa.Table, centre: list[float]) -> None:
+def _frames(stream: rr.RecordingStream, rows: list[dict[str, Any]], centre: list[float]) -> None:
     """Log pictures and observations at delivery time, section and board at their true time."""
-    rows = frames.to_pylist()
     found = [row for row in rows if row["status"] == "tracking"]
     pixels = np.array([row["target_px"] for row in found]).reshape(-1, 2)
     error = np.hypot(*(pixels - centre).T)
@@ -138,13 +159,12 @@ def _true_poses(stream: rr.RecordingStream, rows: list[dict[str, Any]]) -> None:
         # Rerun's quaternions are (x, y, z, w).
         turned = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, [4, 5, 6, 3]])
         _columns(stream, entity, times, turned)
-    path = np.array([row["board_pose"][:3] for row in rows])
-    stream.log("world/path", rr.LineStrips3D([path], radii=0.0006, colors=RGB_RED), static=True)
 
 
-def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> None:
-    """Log the curves at the control rate."""
-    rows = ticks.to_pylist()
+def _ticks(
+    stream: rr.RecordingStream, rows: list[dict[str, Any]], centre: list[float], named: set[str]
+) -> None:
+    """Log the curves at the control rate; `named` are the signals that have a name already."""
     t = [row["t"] for row in rows]
     true = [(row["t"], row["target_px"]) for row in rows if row["target_px"] is not None]
     if true:
@@ -157,7 +177,9 @@ def _ticks(stream: rr.RecordingStream, ticks: pa.Table, centre: list[float]) -> 
     signals = [(row["t"], dict(row["signals"] or ())) for row in rows]
     for name in dict.fromkeys(name for _, values in signals for name in values):
         curve = [(time, values[name]) for time, values in signals if name in values]
-        stream.log(f"law/{name}", rr.SeriesLines(names=name.replace("_", " ")), static=True)
+        if name not in named:
+            named.add(name)
+            stream.log(f"law/{name}", rr.SeriesLines(names=name.replace("_", " ")), static=True)
         _scalars(
             stream, f"law/{name}", [time for time, _ in curve], np.array([v for _, v in curve])
         )

@@ -35,8 +35,6 @@ from endolock.scripts.runs import output
 
 LISTED = Path(__file__).resolve().parents[3] / "requirements.txt"
 """The version list; it is beside the sources and not installed with them."""
-MB_PER_MIN = 35.0
-"""Growth of a run folder with pictures [MB/min]; measured by `endolock benchmark`, rounded up."""
 DRAWINGS = 20
 OURS = Path(sys.prefix) == LISTED.parent / ".venv"
 PIP = "./run pip install" if OURS else f"{shlex.quote(sys.executable)} -m pip install"
@@ -228,16 +226,30 @@ def disk() -> Finding:
     folder = Path("runs") if Path("runs").is_dir() else Path()
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"cannot write to {folder.resolve()}")
-    return room(shutil.disk_usage(folder).free, folder.resolve())
+    from endolock.scripts.commands.doctor import recording_size
+
+    free = shutil.disk_usage(folder).free
+    try:
+        return room(free, folder.resolve(), *recording_size.mb_per_min())
+    except (ImportError, AttributeError, RuntimeError, ConfigError):  # other checks say why
+        text = f"{free / 1e9:.1f} GB free in {folder.resolve()}; no run could be measured here"
+        return Finding("disk", True, text)
 
 
-def room(free_bytes: int, folder: Path) -> Finding:
-    """Judge the free space [bytes]: an hour of run folders must fit."""
-    hours = free_bytes / 1e6 / MB_PER_MIN / 60
-    text = f"{free_bytes / 1e9:.1f} GB free in {folder}, for {hours:.1f} h of runs"
+def room(free_bytes: int, folder: Path, mb_per_min: float, kind: str) -> Finding:
+    """Judge the free space [bytes]: an hour of run folders must fit.
+
+    Args:
+        free_bytes: free space [bytes].
+        folder: where it is.
+        mb_per_min: measured growth of a run folder [MB/min].
+        kind: of what runs, in words.
+    """
+    hours = free_bytes / 1e6 / mb_per_min / 60
+    text = f"{free_bytes / 1e9:.1f} GB free in {folder}, for {hours:.1f} h of runs {kind}"
     if hours >= 1:
         return Finding("disk", True, text)
-    needed = f"an hour takes {60 * MB_PER_MIN / 1e3:.1f} GB"
+    needed = f"an hour takes {60 * mb_per_min / 1e3:.1f} GB"
     return Finding("disk", False, text, f"{needed}: make room, or give --out on another disk")
 
 
