@@ -51,7 +51,8 @@ class Caller(NamedTuple):
             with _printing_to_stderr() if self.quiet else nullcontext():
                 return self.context.run(call)
         except EndolockError as error:
-            error.add_note(f"raised by {self.name}{_line(error, self.source, call)}")
+            if self.quiet:  # from a file, whose user sees no traceback
+                error.add_note(f"raised by {self.name}{_line(error, self.source, call)}")
             raise
         except BaseException as error:  # user code may raise anything
             if isinstance(error, KeyboardInterrupt) and not _raised_in(error, self.source):

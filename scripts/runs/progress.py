@@ -23,7 +23,7 @@ def progress(
         label: text before the bar.
         duration_s: simulated time of the whole bar [s].
         show: whether to show it.
-        stop: what signals ask for; within this context a second one interrupts any code.
+        stop: what signals ask for; within this context a late one interrupts any code.
     """
     bar = Progress(
         TextColumn("{task.description}", markup=False),

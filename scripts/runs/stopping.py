@@ -1,10 +1,10 @@
 """Stops on Ctrl-C and `kill`: between two ticks, or within a law or eyes that hang.
 
-The first signal ends a run at the end of the tick. A second one interrupts the law, or whatever the
-run waits for, at once; without a second one this happens after `GRACE_S`. While a rig or a run
-folder is being closed signals are only noted. A law that cannot be interrupted either, as it calls
-a library that does not return or catches all exceptions, is abandoned: the handles hold and are
-switched off, the log is closed, and the process ends.
+The first signal ends a run at the end of the tick. A second one interrupts a law or eyes at once;
+without a second one this happens after `GRACE_S`, to whatever the run waits for then. While a rig
+or a run folder is being closed signals are only noted. A law that cannot be interrupted either, as
+it calls a library that does not return or catches all exceptions, is abandoned: the handles hold
+and are switched off, the log is closed, and the process ends.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -36,9 +37,10 @@ class Stop:
         self.asked = False
         """Whether a signal came."""
         self.interruptible = False
-        """Whether a second signal may interrupt any code, and not only a law or eyes."""
+        """Whether a signal well after the first may interrupt any code, not only a law or eyes."""
         self.abandon: Callable[[], None] | None = None
         """Makes the handles safe and closes the log while a law does not return."""
+        self._asked_at = 0.0
         self.over = threading.Event()
         """Set when all is closed."""
         self.sending = threading.Lock()
@@ -52,10 +54,14 @@ class Stop:
 
     def note(self, _number: int, frame: FrameType | None) -> None:
         """Take note of a signal, as its handler; interrupt with the second one."""
-        if self.asked and (self.interruptible or user_code.is_running(frame)):
+        now = time.monotonic()
+        if not self.asked:
+            self.asked, self._asked_at = True, now
+            return
+        waits = self.interruptible and now - self._asked_at >= GRACE_S / 2
+        if waits or user_code.is_running(frame):
             self.interruptible = False
             raise KeyboardInterrupt
-        self.asked = True
 
 
 @contextmanager
