@@ -117,3 +117,12 @@ def test_ctrl_c_ends_with_130_and_a_readable_log(
     assert cli.main(["hysteresis", "--out", str(out)]) == 130
     assert run_folder.read(out, "ticks").num_rows > 100
     assert not (out / "hysteresis.json").exists()
+
+
+def test_strokes_that_depend_on_the_time_step_say_so() -> None:
+    fast = HysteresisMeasurement(instrument="slack", numerics="fast")
+    (note,) = fast.notes
+    assert note.startswith("results depend on the time step: ")
+    assert fast.timestep_error_deg is not None
+    assert fast.timestep_error_deg > 0.5
+    assert HysteresisMeasurement(instrument="slack").notes == ()
