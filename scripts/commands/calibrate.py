@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 
 from endolock.hw.camera import camera_file
-from endolock.scripts.runs import output, recorded_calibration
+from endolock.scripts.runs import folder_contents, output, recorded_calibration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,9 @@ def main(request: Request) -> int:
             progress=status.update,
         )
     camera_file.write(found, request.out)
-    output.write_json(asdict(found), request.json)
+    is_run = request.source.is_dir()
+    damage = folder_contents.damage(request.source, "frames") if is_run else []
+    output.write_json({**asdict(found), "damage": damage}, request.json)
     if request.json != "-":
         (u, v), distortion = found.centre_px, ", ".join(f"{c:.4g}" for c in found.distortion)
         Console(highlight=False).print(

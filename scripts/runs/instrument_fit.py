@@ -16,7 +16,7 @@ from endolock.control.identification.uncertainty import Parameter
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.hw import files
 from endolock.hw.api import AXES, ConfigError
-from endolock.scripts.runs import handle_logs, run_folder
+from endolock.scripts.runs import folder_contents, handle_logs
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.instrument_cable import geometry_of, with_cable
@@ -69,6 +69,8 @@ class InstrumentRecord:
     """Wall-clock time of the fit [s]."""
     instrument: str
     """File of the fitted instrument."""
+    damage: list[str]
+    """What is missing or damaged in the run folder; the rest was fitted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,10 +118,11 @@ class InstrumentFit:
             geometry=geometry,
             wall_s=wall_s,
             instrument=str(file),
+            damage=folder_contents.damage(self.log, "ticks") if self.log.is_dir() else [],
         )
         fitted = with_cable(base, found.cable, radians(shaft_deg), found.bending_stiffness)
         text = instrument_files.dump(fitted, _header(self.log, record))
-        files.write_whole(file, text, "give another --out")
+        files.write_whole(file, text, "give another file")
         return record
 
     def _shaft_deg(self) -> float:
@@ -132,7 +135,7 @@ class InstrumentFit:
             return self.shaft_deg
         if not self.log.is_dir():
             return 180.0
-        scenario = run_folder.configuration(self.log).get("scenario", {})
+        scenario = folder_contents.configuration(self.log).get("scenario", {})
         return float(scenario.get("shaft_bend_deg", 180.0))
 
     def _instrument_file(self) -> Path:
