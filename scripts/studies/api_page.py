@@ -23,6 +23,7 @@ GROUPS = {
         "PortGone",
         "LinkLost",
         "DeviceFault",
+        "DamageWarning",
     ),
 }
 """All of `endolock.__all__` but `__version__`, as users look for it."""
