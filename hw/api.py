@@ -121,7 +121,8 @@ class State(Frozen):
     clipped: tuple[int, ...]
     """Per axis +1 (-1) where the command was above (below) the goal sent; 0 where equal."""
     fresh: bool
-    """Whether the device answered this exchange; if not, the measurements are the last ones."""
+    """Whether the device answered this exchange with positions that can be; if not, the
+    measurements are the last ones."""
     mode: Mode
     """Mode after this exchange."""
     device_tick: int
@@ -151,17 +152,24 @@ class Actuators(Protocol):
         """Open the device; afterwards the mode is DISABLED."""
 
     def home(self) -> None:
-        """Make the present position the zero of both axes.
+        """Make the present position the zero of both axes, once several readings confirm it.
 
         Raises:
             StateError: the motors are enabled.
+            LinkLost, DeviceFault: the handles do not answer, or readings do not agree; the zero
+                stays.
         """
 
     def enable(self) -> State:
-        """Switch torque on without a jump: the goal becomes the measured position.
+        """Switch torque on without a jump: the goal becomes the position, once it is confirmed.
+
+        Where a load kept a handle behind its goal when torque was last on, and it still stands
+        near there, the goal is ahead of it by as much.
 
         Raises:
             StateError: not connected, or a fault is latched.
+            LinkLost, DeviceFault: the handles do not answer, or readings do not agree; torque
+                stays off.
         """
 
     def exchange(self, command: Command | None) -> State:
@@ -181,7 +189,7 @@ class Actuators(Protocol):
         """
 
     def hold(self) -> None:
-        """Stop where the handles are and keep torque on."""
+        """Freeze the goals where they are and keep torque on; nothing is read."""
 
     def estop(self, why: str) -> None:
         """Emergency stop: at the next exchange the handles hold, and a fault is latched.

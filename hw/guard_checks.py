@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import inf, isfinite
@@ -9,6 +10,9 @@ from math import inf, isfinite
 from endolock.hw.api import PERIOD_S, Command, CommandError, DeviceFault, LinkLost
 from endolock.hw.drive import Reading
 from endolock.hw.errors import RESUME
+
+LAG = 3
+"""A motor may report one of this number of goals sent last. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +54,7 @@ class Checks:
         self._fresh_at = self._taken_at = now
         self._off_since: list[float | None] = [None] * len(self._axes)
         self._unanswered = 0
+        self._sent: deque[tuple[float, ...]] = deque(maxlen=LAG)
 
     def age(self, reading: Reading, now: float) -> None:
         """Check that answers come.
@@ -90,7 +95,9 @@ class Checks:
         Raises:
             LinkLost: none arrived for longer than allowed, though the motors answer.
         """
-        if reading.goal is None or reading.goal == sent:
+        # An answer may be to the request before: where a busy bus lags, goals still arrive.
+        self._sent.append(sent)
+        if reading.goal is None or reading.goal in self._sent:
             self._taken_at = now
         elif reading.fresh and now - self._taken_at > self._settings.max_age_s:
             pairs = zip(self._axes, reading.goal, sent, strict=True)

@@ -76,7 +76,7 @@ class Positions:
                     "check the motor's encoder and firmware, and that nothing turns the handle",
                     kind="encoder",
                     recovery=RESUME,
-                    t=reading.t,
+                    t=self._drive.clock.now(),
                     axis=axis,
                 )
             return replace(self._last or reading, fresh=False, goal=reading.goal, silent=())
@@ -91,36 +91,38 @@ class Positions:
             risk: what could happen if a single one were believed.
 
         Raises:
-            LinkLost, DeviceFault: no answer, or no agreement; such an error is `unconfirmed`.
+            LinkLost, DeviceFault: no answer, or no agreement; its recovery is `call` alone.
             HardwareError: of the drive.
         """
         for samples in self._samples:
             samples.clear()
+        newest: Reading | None = None
         silent = 0
         for _ in range(MOST):
             reading = self._drive.transfer(None)
             self.accept(reading)
             silent = 0 if reading.fresh else silent + 1
+            newest = reading if reading.fresh else newest
             if silent >= KEPT:
                 who = " and ".join(reading.silent) or "the handles"
                 raise LinkLost(
                     f"{who} do not answer, so {risk}",
                     "check cable and power",
                     recovery=(call,),
-                    t=reading.t,
+                    t=self._drive.clock.now(),
                     axis=reading.silent[0] if reading.silent else None,
                 )
             found = self._confirmed()
             position = tuple(at for at in found if at is not None)
-            if reading.fresh and len(position) == len(found):
-                return reading, position
-        axis = next((a for a, at in zip(self._drive.axes, found, strict=True) if at is None), None)
+            if newest is not None and len(position) == len(found):
+                return newest, position
+        axis = self._drive.axes[found.index(None) if None in found else 0]
         raise DeviceFault(
             f"{MOST} readings of handle {axis} do not agree, so {risk}",
             "hold it still, and check the motor's encoder and firmware",
             kind="encoder",
             recovery=(call,),
-            t=reading.t,
+            t=self._drive.clock.now(),
             axis=axis,
         )
 

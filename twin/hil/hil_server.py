@@ -151,6 +151,7 @@ class HilServer(Closing):
         if self.wall is not None:
             # Not beyond the present time: what is measured must have happened.
             with self._turn:
+                self.emulator.answer()  # before a watchdog is found to have expired
                 self.rig.clock.sleep_until(self.wall.now() - self.rig.clock.timestep_s)
         if self.stream and (frame := _news(self.rig.camera, self._shown)) is not None:
             self._shown = frame.seq
