@@ -158,7 +158,7 @@ def values(command: Command, axes: Sequence[str], now: float) -> tuple[float, ..
         if isinstance(command.position, str | bytes | Mapping | Set):
             raise TypeError  # "12" is not two angles
         position, valid_for = tuple(map(float, command.position)), float(command.valid_for)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise CommandError(
             f"command {command.position!r}, valid for {command.valid_for!r} s, is not of numbers",
             "give angles in rad and a time in s (the previous goal stays)",

@@ -116,7 +116,7 @@ class Positions:
             position = tuple(at for at in found if at is not None)
             if newest is not None and len(position) == len(found):
                 return newest, position
-        axis = self._drive.axes[found.index(None) if None in found else 0]
+        axis = self._drive.axes[found.index(None)]
         raise DeviceFault(
             f"{MOST} readings of handle {axis} do not agree, so {risk}",
             "hold it still, and check the motor's encoder and firmware",
@@ -163,8 +163,8 @@ class Positions:
         """Measure, and return the goals at which handles stop that are on their way [rad].
 
         None for a handle that keeps the goal that its motor has: where it is near it, where it
-        does not answer, and where its readings do not confirm each other or are further from the
-        last than the speed limit allows.
+        answers fewer than `NEEDED` of `KEPT` requests, and where its readings do not confirm each
+        other or are further from the last than the speed limit allows.
 
         Args:
             goal: the goals in force [rad]; None if they are not known.
@@ -173,21 +173,22 @@ class Positions:
         Raises:
             HardwareError: of the drive.
         """
-        count = len(self._samples)
-        sure = [True] * count
-        for _ in range(NEEDED):
+        heard = [0] * len(self._samples)
+        sure = [True] * len(self._samples)
+        for n in range(1, KEPT + 1):
             reading = self._drive.measure()
-            heard = [reading.heard(axis) for axis in self._drive.axes]
-            if not any(heard):
-                return (None,) * count
-            for i in range(count):
-                ahead = None if goal is None else goal[i]
-                sure[i] = sure[i] and heard[i] and self._plausible(i, reading, ahead)
+            for i, axis in enumerate(self._drive.axes):
+                if reading.heard(axis):
+                    heard[i] += 1
+                    ahead = None if goal is None else goal[i]
+                    sure[i] = sure[i] and self._plausible(i, reading, ahead)
             self.accept(reading)
+            if min(heard) >= NEEDED or n - max(heard) > KEPT - NEEDED:
+                break
         found = list(self._confirmed())
         for i, at in enumerate(found):
             near = at is not None and goal is not None and abs(at - goal[i]) <= near_rad
-            if near or not sure[i]:
+            if near or not sure[i] or heard[i] < NEEDED:
                 found[i] = None
         return tuple(found)
 

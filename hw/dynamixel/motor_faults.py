@@ -86,9 +86,9 @@ def reset(who: Who, *, restarted: bool) -> DeviceFault:
 
 
 def unread(who: Who) -> LinkLost:
-    """Return the error of a motor that answers, but not to a cycle."""
+    """Return the error of a motor that answers, but to too few cycles or none."""
     return LinkLost(
-        f"{who} does not answer to a sync read",
+        f"{who} does not answer to sync reads",
         "check its cable and power, then run endolock doctor",
         recovery=("connect",),
         t=who.t,

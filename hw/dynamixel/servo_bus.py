@@ -39,7 +39,7 @@ ASK_S = 0.050
 """Shortest time-out of a request to a single motor [s]: it is not part of a cycle, so it can wait
 until a busy machine has time for it. Assumed."""
 TRIES = 3
-"""Maximum attempts of a request to a single motor."""
+"""Maximum attempts of a request that has to arrive."""
 
 Accept = Callable[[int, bytes, float, float], bool]
 """Checks a block: index of the motor, its bytes, when the request was sent and when the block was

@@ -13,13 +13,14 @@ from math import inf
 from typing import Any
 
 from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost
-from endolock.hw.confirmed import KEPT, Sample, majority
+from endolock.hw.confirmed import KEPT, NEEDED, Sample, majority
 from endolock.hw.drive import Reading
 from endolock.hw.dynamixel import motor_faults, servo_setup
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.dynamixel.handle import Handle
 from endolock.hw.dynamixel.motor_faults import Who
 from endolock.hw.dynamixel.registers import Block, Register, Units
+from endolock.hw.dynamixel.servo_bus import TRIES
 from endolock.hw.dynamixel.servo_setup import Identity, Link, Prepared
 from endolock.hw.dynamixel.zeros import Zeros
 from endolock.hw.errors import add_second
@@ -164,11 +165,18 @@ class ServoDrive:
     def hold(self, goal: tuple[float | None, ...]) -> None:
         """Send a goal [rad] to every motor that still responds; with None it keeps its goal.
 
+        Goals are not acknowledged: it is sent until the blocks show it, `TRIES` times at most.
+
         Raises:
             PortGone: the port was unplugged.
         """
         counts = self._zeros.to_counts([at or 0.0 for at in goal])
-        self._cycle([None if g is None else c for g, c in zip(goal, counts, strict=True)])
+        goals = [None if g is None else c for g, c in zip(goal, counts, strict=True)]
+        for _ in range(TRIES):
+            fresh, _ = self._cycle(goals)
+            rows = zip(goals, self._blocks, fresh, strict=True)
+            if all(g is None or (f and b is not None and b.goal == g) for g, b, f in rows):
+                return
 
     def torque(self, on: bool) -> None:
         """Switch torque on or off; on only after the goal has arrived, with the watchdog last.
@@ -256,14 +264,14 @@ class ServoDrive:
     def _start(self) -> None:
         """Take the positions from which zeros and whole turns are counted."""
         seen: list[list[Sample]] = [[] for _ in self._handles]
-        for n in range(KEPT):
+        for _ in range(KEPT):
             fresh, reading = self._cycle(None)
-            if n == 0 and not all(fresh):  # none has answered to a cycle so far
-                raise motor_faults.unread(self._who(fresh.index(False)))
             for samples, block, heard in zip(seen, self._blocks, fresh, strict=True):
                 if block is not None and heard:
                     samples.append(Sample(reading.t, block.position))
         for index, (samples, handle) in enumerate(zip(seen, self._handles, strict=True)):
+            if len(samples) < NEEDED:
+                raise motor_faults.unread(self._who(index))
             speed = handle.speed_rad_s / self.step_rad[index]
             position = majority(samples, speed, 1.0)
             if position is None:

@@ -211,6 +211,7 @@ def test_the_goal_is_never_faster_than_allowed(
         ("12", None, "^command '12', valid for 0.2 s, is not of numbers; give angles in rad"),
         (["a", 0.1], None, "^command .'a', 0.1., valid for 0.2 s, is not of numbers"),
         (None, None, "^command None, valid for 0.2 s, is not of numbers"),
+        ((10**400, 0.1), None, "is not of numbers"),
         ({0.1: 0.2, 0.3: 0.4}, None, "is not of numbers"),
     ],
 )
