@@ -9,6 +9,7 @@ An integer may stand for a real number; true, "640" or 1.0 for an integer may no
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
@@ -58,10 +59,22 @@ def strictly(kind: type[Kind], values: Any) -> Kind:
     Raises:
         ValidationError: they are not believed.
     """
-    hints, parts = get_type_hints(kind, include_extras=True), fields(cast(Any, kind))
-    rows: Any = {p.name: (hints[p.name], ... if p.default is MISSING else p.default) for p in parts}
-    model = create_model(kind.__name__, __base__=Strict, **rows)
-    return kind(**dict(model.model_validate(values)))
+    return kind(**dict(model_of(cast(Any, kind), Strict).model_validate(values)))
+
+
+@cache
+def model_of(kind: Any, base: type[Strict]) -> type[Strict]:
+    """Return a model with the fields of a dataclass.
+
+    Args:
+        kind: the dataclass.
+        base: base class of the model.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    rows: Any = {
+        p.name: (hints[p.name], ... if p.default is MISSING else p.default) for p in fields(kind)
+    }
+    return create_model(kind.__name__, __base__=base, **rows)
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import cache
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError, create_model
+from pydantic import ConfigDict, ValidationError
 
 from endolock.hw.errors import ConfigError
 from endolock.hw.files import first_problem
-from endolock.hw.strict import Strict
+from endolock.hw.strict import Strict, model_of
 
 
 def settle(made: Any, what: str) -> None:
@@ -38,20 +37,12 @@ def settle(made: Any, what: str) -> None:
     values = {field.name: _plain(getattr(made, field.name)) for field in fields(made)}
     kind: Any = type(made)
     try:
-        settled = _strict(kind).model_validate(values)
+        settled = model_of(kind, _Parts).model_validate(values)
     except ValidationError as error:
         said, next_step = first_problem(error, lambda _section: [])
         raise ConfigError(f"{what}: {said}", next_step) from None
     for name in values:
         object.__setattr__(made, name, getattr(settled, name))
-
-
-@cache
-def _strict(kind: Any) -> type[Strict]:
-    """Return a model of the same fields."""
-    hints = get_type_hints(kind, include_extras=True)
-    wanted: dict[str, Any] = {field.name: (hints[field.name], Field()) for field in fields(kind)}
-    return create_model(kind.__name__, __base__=_Parts, **wanted)
 
 
 class _Parts(Strict):

@@ -11,7 +11,7 @@ from endolock.hw.errors import ConfigError
 from endolock.hw.strict import Strict, bounded
 
 _TURNS = 10 * 4096
-"""A zero further from 0 than this is none: motors wake up within their first turn [counts]."""
+"""Largest distance of a zero from 0 [counts]: motors start within their first turn. Assumed."""
 LEAST_RANGE_RAD = 0.01
 """Least range of a handle [rad]: seven counts of a motor. Assumed."""
 _Angle = Annotated[float, bounded(-2 * pi, 2 * pi, "rad", hint="give radians, not degrees")]
@@ -45,10 +45,10 @@ class Handle(Strict):
     """Maximum speed of the goal [rad/s]. Assumed: 33 rpm, a small servo under load; the fastest
     motors of the series turn at 11 rad/s."""
     current_limit_a: (
-        Annotated[float, bounded(0.02, 3.2, "A", hint="give amperes, not milliamperes")] | None
+        Annotated[float, bounded(0.02, 5.5, "A", hint="give amperes, not milliamperes")] | None
     ) = None
     """Largest motor current [A], not more than the motor's own current limit; None: no limit but
-    that of its PWM. Largest value: that of an XM430-W350."""
+    that of its PWM. Largest value: that of an XM540-W270."""
 
     @field_validator("direction")
     @classmethod

@@ -34,11 +34,6 @@ class Model:
     oldest_firmware: int = OLDEST_FIRMWARE
     """First usable firmware."""
 
-    @property
-    def largest_current_a(self) -> float:
-        """Largest current that it can be limited to [A]."""
-        return self.current_limit * self.units.current_a
-
 
 def _model(
     number: int, name: str, current_limit: int, position_p: int = 800, current_a: float = COARSE_A

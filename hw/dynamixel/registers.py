@@ -108,7 +108,7 @@ OLDEST_FIRMWARE = 38
 STARTUP_FIRMWARE = 45
 """First version with a startup configuration. Source: e-Manual."""
 FULL_PWM = 885
-"""Limit of the PWM that is none [1/885 of the supply]. Source: e-Manual."""
+"""PWM of the whole supply voltage [1/885]. Source: e-Manual."""
 NO_SECONDARY_ID = 253
 """From this value on a motor has no secondary id. Source: e-Manual."""
 BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)

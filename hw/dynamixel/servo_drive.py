@@ -63,7 +63,7 @@ class ServoDrive:
     ) -> None:
         self.axes = tuple(handles)
         self.clock = clock
-        self._link, self._handles = link, tuple(handles.values())
+        self._link, self._by_axis, self._handles = link, dict(handles), tuple(handles.values())
         self._given_units = units
         self._units = tuple(units or Units() for _ in self._handles)
         self._motors: tuple[Prepared, ...] = ()
@@ -252,9 +252,8 @@ class ServoDrive:
         """Set all motors up for cycles; torque off. Nothing is written before all are known."""
         found = self._identify()
         self._switch_off()
-        handles = dict(zip(self.axes, self._handles, strict=True))
         self._motors = tuple(
-            servo_setup.prepare(self._link, self.clock, handles, found, self._given_units)
+            servo_setup.prepare(self._link, self.clock, self._by_axis, found, self._given_units)
         )
         self._units = tuple(motor.units for motor in self._motors)
         self._count()
@@ -287,8 +286,7 @@ class ServoDrive:
         self._zeros.count([units.position_rad for units in self._units])
 
     def _identify(self) -> list[Identity]:
-        handles = dict(zip(self.axes, self._handles, strict=True))
-        return servo_setup.identify(self._link, self.clock, handles)
+        return servo_setup.identify(self._link, self.clock, self._by_axis)
 
     def _cycle(self, goals: Sequence[int | None] | None) -> tuple[list[bool], Reading]:
         """Do one cycle; return which motors answered, and the reading."""

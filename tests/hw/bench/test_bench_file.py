@@ -50,7 +50,7 @@ def _up_down(line: str) -> str:
         ("[handle.up_down]\nid = 1\ndirection = 0\n", "direction is 0; use 1 or -1"),
         ("[handle.up_down]\nid = 1\nrange_rad = [1, -1]\n", "give the lower end first"),
         ("[handle.up_down]\nid = 1\nratio = 2.0\n", r"handle.up_down may turn its motor by 6.00"),
-        (_up_down("current_limit_a = 300"), "got 300 A, wanted 0.02 to 3.2 A; give amperes, not"),
+        (_up_down("current_limit_a = 300"), "got 300 A, wanted 0.02 to 5.5 A; give amperes, not"),
         (
             _up_down("range_rad = [-90, 90]"),
             r"range_rad.0: got -90 rad, wanted -6.28.* not degrees",

@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 
 from endolock.hw.api import Calibration, ConfigError
-from endolock.hw.camera import camera_file
+from endolock.hw.camera import camera_file, plausible_camera
 from endolock.vision import camera_model
 
 GOOD: dict[str, Any] = {"width": 640, "height": 480, "focal_px": 400.0, "centre_px": [319.5, 239.5]}
@@ -123,3 +123,7 @@ def test_a_camera_that_cannot_be_is_not_written(tmp_path: Path) -> None:
         camera_file.write(replace(camera, centre_px=(0.5, 0.5)), path)
     assert camera_file.read(path) == camera
     assert asdict(camera)["distortion"] == ()
+
+
+def test_a_file_is_checked_with_the_steps_that_vision_uses() -> None:
+    assert plausible_camera.UNDISTORT == camera_model.UNDISTORT
