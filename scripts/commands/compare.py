@@ -66,7 +66,7 @@ def main(request: Request) -> int:
 
 def _compare(request: Request, folder: Path, console: Console) -> int:
     planned = plan(request, folder)
-    output.say(note for task in planned for note in task.resolve().examined.notes)
+    output.say(note for task in planned for note in task.resolve().notes)
     series = run_all(planned)
     records = series.records
     with console.status("computing margins and floors"):

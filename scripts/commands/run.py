@@ -67,7 +67,7 @@ def main(request: Request) -> int:
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
     experiment = experiment_of(request)
-    output.say(experiment.resolve().examined.notes)
+    output.say(experiment.resolve().notes)
     if request.dry_run:
         return dry_run.show(experiment, request.json)
     series = run_all([experiment])

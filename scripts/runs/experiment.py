@@ -20,7 +20,14 @@ from endolock.control.loop import Controller
 from endolock.hw.api import Calibration, ConfigError, Rig
 from endolock.hw.bench.bench_file import Bench
 from endolock.hw.lifecycle import close_all
-from endolock.scripts.runs import experiment_checks, overrides, rigs, run_folder, theory
+from endolock.scripts.runs import (
+    experiment_checks,
+    overrides,
+    rigs,
+    run_folder,
+    step_dependence,
+    theory,
+)
 from endolock.scripts.runs.experiment_checks import Examined
 from endolock.scripts.runs.experiment_fields import CONVERSIONS, converted, described
 from endolock.scripts.runs.progress import progress
@@ -73,7 +80,14 @@ class Resolved(NamedTuple):
     bench: Bench | None
     """Configuration of a serial rig; None for other rigs."""
     examined: Examined
-    """What should be known of it before it runs."""
+    """What was found out about it before it runs."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know before it runs, each in one line; may simulate for seconds."""
+        used = self.scenario, self.instrument, self.numerics
+        dependent = step_dependence.note(self.examined.timestep_error_deg, *used)
+        return (*self.examined.without_effect, *([dependent] if dependent else []))
 
 
 @dataclass(frozen=True, kw_only=True)

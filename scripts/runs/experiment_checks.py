@@ -12,12 +12,12 @@ from endolock.twin.world.instrument import Numerics
 
 
 class Examined(NamedTuple):
-    """What should be known of an experiment before it runs."""
+    """What was found out about an experiment before it runs."""
 
     timestep_error_deg: float | None = None
     """See `step_dependence.error_deg`."""
-    notes: tuple[str, ...] = ()
-    """For people, each in one line."""
+    without_effect: tuple[str, ...] = ()
+    """What has no effect beside what has one, each in one line."""
 
     def described(self) -> dict[str, Any]:
         """Return what was measured as plain values for run.toml."""
@@ -44,8 +44,7 @@ def examine(
     notes = effects.check(vary, given, setting)
     used = task.scenario, task.instrument, task.numerics
     error_deg = step_dependence.error_deg(rig, *used)
-    dependent = step_dependence.note(error_deg, *used)
-    return Examined(error_deg, (*notes, dependent) if dependent else notes)
+    return Examined(error_deg, notes)
 
 
 def check_rig(rig: Rig, task: Task, seed: int) -> None:

@@ -156,8 +156,8 @@ def damage(found: list[Group], stated: int | None) -> list[str]:
             continue
         if group.number > number:
             last = group.number - 1
-            which = f"row group {number} is" if last == number else f"row groups {number} to {last}"
-            which += "" if last == number else " are"
+            one = last == number
+            which = f"row group {number} is" if one else f"row groups {number} to {last} are"
             said.append(f"{which} damaged: rows {row} to {group.first - 1} are missing")
         number, row = group.number + 1, group.first + group.rows
         whole += group.rows

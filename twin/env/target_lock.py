@@ -185,7 +185,7 @@ def make(
     return Environment(
         Physics(episode.rig_maker(loaded, observing, pictures), seed),
         TargetLockTask(observing),
-        time_limit=(episode.periods(loaded) - 0.5)
-        * PERIOD_S,  # half a period less, so that rounding cannot matter
+        # Half a period less, so that rounding cannot matter.
+        time_limit=(episode.periods(loaded) - 0.5) * PERIOD_S,
         control_timestep=PERIOD_S,
     )

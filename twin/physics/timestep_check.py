@@ -1,8 +1,8 @@
 """Whether the bends of a simulation depend on its time step.
 
 Stiff wires on a soft section, or strong pretension, oscillate faster than a step of some ms
-resolves: the tip then moves as the step lets it. The check turns both handles on a fixed drive,
-once with the step and once with a quarter of it, and compares the bends of the tip:
+resolves: the motion of the tip then depends on the step. The check turns both handles on a fixed
+drive, once with the step and once with a quarter of it, and compares the bends of the tip:
 
     timestep_error_deg(Instrument(), Numerics())                  # 0.03: results can be believed
     timestep_error_deg(Instrument(slack_m=-0.0375), Numerics())   # 150 N of pretension: 180
@@ -10,13 +10,10 @@ once with the step and once with a quarter of it, and compares the bends of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from math import pi
 
-import mujoco
 import numpy as np
 
 from endolock.hw.api import AXES, ConfigError, Vector
@@ -31,9 +28,9 @@ LIMIT_DEG = 0.5
 FINER = 4
 """Ratio of the steps that are compared."""
 UNSTABLE_DEG = 180.0
-"""Difference where one of the simulations became unstable, and the largest that is told [deg]."""
+"""Difference where one of the simulations became unstable; larger ones count as this one [deg]."""
 HOPELESS = 4.0
-"""Ratio of the error expected at the smallest step to the limit, above which none is tried."""
+"""Ratio of the error expected at the smallest step to the limit, above which no step is tried."""
 DURATION_S, PERIOD_S = 3.0, 0.02
 CYCLES_S = (8.0, 10.0)
 """Periods of the sines of the two handles [s]: both turn to the end of their range, and one begins
@@ -108,21 +105,9 @@ def _bends(
     amplitude = min(instrument.handle_range_rad, LARGEST_RAD)
     steps = round(PERIOD_S / plant.timestep_s)
     bends = []
-    with _silence():
-        for t in np.arange(1, round(DURATION_S / PERIOD_S) + 1) * PERIOD_S:
-            for motor, cycle_s in zip(motors, CYCLES_S, strict=True):
-                motor.aim(amplitude * float(np.sin(2 * pi * t / cycle_s)))
-            plant.advance(plant.step_count + steps)
-            bends.append(plant.explain(plant.snapshot())[0].bend_rad)
+    for t in np.arange(1, round(DURATION_S / PERIOD_S) + 1) * PERIOD_S:
+        for motor, cycle_s in zip(motors, CYCLES_S, strict=True):
+            motor.aim(amplitude * float(np.sin(2 * pi * t / cycle_s)))
+        plant.advance(plant.step_count + steps)
+        bends.append(plant.explain(plant.snapshot())[0].bend_rad)
     return np.array(bends)
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keep MuJoCo from printing that a simulation is unstable, and from writing a file of it."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _text: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import platform
 import shlex
-import shutil
 import sys
 import tempfile
 import time
@@ -29,6 +28,7 @@ from rich.table import Table
 from rich.text import Text
 
 from endolock.hw.api import Calibration, ConfigError, Frame
+from endolock.scripts.commands.doctor.disk_check import disk
 from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.commands.doctor.numerics_check import numerics
 from endolock.scripts.runs import output
@@ -219,38 +219,6 @@ def rerun_() -> Finding:
     if "/error/now" not in entities:
         return Finding("rerun", False, f"{got}, a recording came back empty", advice or ALL)
     return Finding("rerun", not advice, f"{got}, a recording written and read back", advice)
-
-
-def disk() -> Finding:
-    """Check the free space where runs/ is, or would be created."""
-    folder = Path("runs") if Path("runs").is_dir() else Path()
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(f"cannot write to {folder.resolve()}")
-    from endolock.scripts.commands.doctor import recording_size
-
-    free = shutil.disk_usage(folder).free
-    try:
-        return room(free, folder.resolve(), *recording_size.mb_per_min())
-    except (ImportError, AttributeError, RuntimeError, ConfigError):  # other checks say why
-        text = f"{free / 1e9:.1f} GB free in {folder.resolve()}; no run could be measured here"
-        return Finding("disk", True, text)
-
-
-def room(free_bytes: int, folder: Path, mb_per_min: float, kind: str) -> Finding:
-    """Judge the free space [bytes]: an hour of run folders must fit.
-
-    Args:
-        free_bytes: free space [bytes].
-        folder: where it is.
-        mb_per_min: measured growth of a run folder [MB/min].
-        kind: of what runs, in words.
-    """
-    hours = free_bytes / 1e6 / mb_per_min / 60
-    text = f"{free_bytes / 1e9:.1f} GB free in {folder}, for {hours:.1f} h of runs {kind}"
-    if hours >= 1:
-        return Finding("disk", True, text)
-    needed = f"an hour takes {60 * mb_per_min / 1e3:.1f} GB"
-    return Finding("disk", False, text, f"{needed}: make room, or give --out on another disk")
 
 
 def video() -> Finding:

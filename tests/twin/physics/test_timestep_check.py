@@ -6,7 +6,6 @@ import secrets
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -52,7 +51,7 @@ def test_all_presets_that_need_no_check_converge(
 @pytest.mark.parametrize("changes", STIFF)
 def test_stiff_wires_on_a_soft_section_depend_on_the_step(changes: dict[str, float]) -> None:
     error = timestep_error_deg(replace(Instrument(), **changes), Numerics())
-    assert error > 10  # degrees: 17 to 22 in an issue, 14 to 180 on this drive
+    assert error > 10  # degrees: 14 to 180 on this drive
 
 
 def test_a_smaller_step_is_found_where_one_converges() -> None:
@@ -81,11 +80,9 @@ def test_an_unstable_simulation_says_and_writes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    before = mujoco.get_mju_user_warning()
     assert timestep_error_deg(Instrument(bending_stiffness=1.1e-4), Numerics()) == 180.0
     assert capfd.readouterr().err == ""
     assert list(tmp_path.iterdir()) == []  # no MUJOCO_LOG.TXT
-    assert mujoco.get_mju_user_warning() is before
 
 
 def plausible(random: np.random.Generator) -> Instrument:

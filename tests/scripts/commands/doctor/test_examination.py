@@ -14,7 +14,7 @@ from rich.console import Console
 
 from endolock.hw.api import ConfigError
 from endolock.hw.camera import video_camera
-from endolock.scripts.commands.doctor import examination, recording_size
+from endolock.scripts.commands.doctor import disk_check, examination
 from endolock.scripts.commands.doctor.finding import Finding
 from endolock.scripts.figures import rerun_export
 from endolock.scripts.runs.experiment import Experiment
@@ -136,14 +136,14 @@ def test_a_check_that_raises_is_a_red_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("free_gb", "ok"), [(0.0, False), (8.9, False), (9.1, True), (80, True)])
 def test_an_hour_of_runs_must_fit(free_gb: float, ok: bool) -> None:
-    finding = examination.room(int(free_gb * 1e9), Path("/data"), 150.0, "with pictures")
+    finding = disk_check.room(int(free_gb * 1e9), Path("/data"), 150.0, "with pictures")
     assert finding.ok is ok  # an hour at 150 MB/min is 9.0 GB
     assert f"{free_gb:.1f} GB free in /data" in finding.text
     assert ("an hour takes 9.0 GB" in finding.advice) is not ok
 
 
 def test_the_hours_of_runs_are_those_of_a_longer_run(tmp_path: Path) -> None:
-    said, kind = recording_size.mb_per_min()
+    said, kind = disk_check.mb_per_min()
     assert kind == "with pictures"
     folder = tmp_path / "run"
     Experiment(scenario="straight", duration_s=2.4, out=folder).run()
