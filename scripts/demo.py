@@ -22,7 +22,7 @@ def main(args: list[str]) -> int:
     request = cli.parse(compare.Request, "./run demo", ["--scenarios", "straight", *args])
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    with run_folder.place(request.out, RUNS, "demo") as folder:
+    with run_folder.series_folder(request.out, RUNS, "demo") as folder:
         series = run_all(compare.plan(request, folder))
     records = series.records
     moving = (record for record in records if record.controller != "still")

@@ -60,7 +60,7 @@ def main(request: Request) -> int:
     """Carry out `endolock compare`; return the exit code."""
     output.check_json(request.json)
     console = Console(stderr=request.json == "-")
-    with run_folder.place(request.out, RUNS, "compare") as folder:
+    with run_folder.series_folder(request.out, RUNS, "compare") as folder:
         return (_thesis if request.thesis else _compare)(request, folder, console)
 
 

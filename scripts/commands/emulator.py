@@ -15,7 +15,8 @@ from endolock.hw.dynamixel.port import DEFAULT_BAUD
 from endolock.hw.dynamixel.registers import BAUDS
 from endolock.hw.emulator.wire_faults import parse
 from endolock.scripts.commands.run import INSTRUMENT
-from endolock.twin.hil.hil_server import HilServer, HilSetup
+from endolock.twin.hil.hil_server import HilServer
+from endolock.twin.hil.messages import HilSetup
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import NUMERICS
 

@@ -114,7 +114,7 @@ def _table(source: Path) -> HandleLog:
     for column in used:
         if names.count(column) > 1:
             raise ConfigError(f"{source} has column {column} more than once", "leave one of them")
-    places = [names.index(column) for column in used]
+    indices = [names.index(column) for column in used]
     numbers = []
     for line, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
@@ -125,7 +125,7 @@ def _table(source: Path) -> HandleLog:
                 "separate the values by commas, and write numbers with a point",
             )
         cells = row + [""] * (len(names) - len(row))
-        numbers.append([_number(source, line, names[n], cells[n]) for n in places])
+        numbers.append([_number(source, line, names[n], cells[n]) for n in indices])
         if len(numbers) > MOST_ROWS:
             raise ConfigError(
                 f"{source} has more than {MOST_ROWS} rows", "keep every tenth of them, or a part"

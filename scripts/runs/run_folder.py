@@ -126,7 +126,7 @@ def new_path(base: Path, name: str) -> Path:
 
 
 @contextmanager
-def place(given: Path | None, base: Path, name: str) -> Iterator[Path]:
+def series_folder(given: Path | None, base: Path, name: str) -> Iterator[Path]:
     """Give the folder of several runs: the one given, or a new one, removed if it stays empty.
 
     Args:

@@ -34,7 +34,7 @@ from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
 from endolock.hw.lifecycle import ClosingRig, close_after, close_all
 from endolock.twin.arguments import CLOSED, parameters, seed_of
-from endolock.twin.hil.hil_server import HilSetup, Ready
+from endolock.twin.hil.messages import HilSetup, Ready
 from endolock.twin.physics import motor
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario, load

@@ -10,17 +10,14 @@ from __future__ import annotations
 import select
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from endolock.hw.api import (
     BoardGeometry,
-    Calibration,
     ConfigError,
     EndolockError,
     Frame,
@@ -33,12 +30,11 @@ from endolock.hw.dynamixel import registers as reg
 from endolock.hw.emulator.bus_server import BusServer
 from endolock.hw.emulator.emulated_bus import EmulatedBus
 from endolock.hw.emulator.line_thread import LineThread
-from endolock.hw.emulator.wire_faults import FaultyBus, WireFault
+from endolock.hw.emulator.wire_faults import FaultyBus
 from endolock.hw.lifecycle import Closing, close_after, close_all
 from endolock.twin.camera.renderer import TwinCamera
+from endolock.twin.hil.messages import HilSetup, Ready
 from endolock.twin.rig import TwinRig
-from endolock.twin.world.instrument import Instrument, Numerics
-from endolock.twin.world.scenario import Scenario
 
 RESTART_S = 0.3
 """Time during which a servo does not answer after a restart, in wall-clock mode [s]. Assumed."""
@@ -47,43 +43,6 @@ BEHIND_S = 0.06
 camera drops a frame [s]. Assumed: one and a half periods of a camera of 25 Hz."""
 AWAY_S = 0.005
 """Polling period while no program has the line open [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class HilSetup:
-    """Parameters of the server."""
-
-    scenario: Scenario
-    instrument: Instrument
-    numerics: Numerics
-    seed: int
-    pictures: bool
-    overview: bool
-    wall: bool
-    """Whether time is wall-clock time; otherwise lock-step."""
-    paced: bool
-    baud: int
-    """Baud rate of the servos [1/s]."""
-    faults: tuple[WireFault, ...]
-    link: Path | None = None
-    """Symbolic link to the line; None for no link."""
-    video: int | None = None
-    """TCP port on which the tip camera's pictures are served; None for no stream."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ready:
-    """What the server offers, sent once it has started."""
-
-    port: str
-    origin: float | None
-    """Origin of the wall clock; None in lock-step."""
-    timestep_s: float
-    calibration: Calibration
-    board: BoardGeometry
-    overview: Calibration | None
-    tracked: bool
-    described: Mapping[str, Any]
 
 
 class HilServer(Closing):
@@ -178,12 +137,12 @@ class HilServer(Closing):
         """
         if sys.platform == "win32":
             raise ConfigError("the emulated serial line needs Linux", "run it there")
-        poll, there = select.poll(), -1
-        if channel:
-            poll.register(channel.fileno(), select.POLLIN)
         if self.wall is not None:
             self._serve_wall(channel, until)
             return
+        poll, there = select.poll(), -1
+        if channel:
+            poll.register(channel.fileno(), select.POLLIN)
         while not until():
             self.catch_up()
             self.plug()
@@ -298,6 +257,4 @@ def main(descriptor: int) -> int:
 
 
 if __name__ == "__main__":
-    from endolock.twin.hil import hil_server  # the classes it sends must not belong to __main__
-
-    sys.exit(hil_server.main(int(sys.argv[1])))
+    sys.exit(main(int(sys.argv[1])))

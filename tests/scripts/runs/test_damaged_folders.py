@@ -159,7 +159,7 @@ def test_of_two_runs_at_once_one_gets_the_folder(tmp_path: Path) -> None:
     made = {run_folder.new_path(tmp_path / "runs", "same") for _ in range(5)}
     assert len(made) == 5  # in the same second
     assert all(path.is_dir() for path in made)
-    with run_folder.place(None, tmp_path / "runs", "other") as path:
+    with run_folder.series_folder(None, tmp_path / "runs", "other") as path:
         assert path.is_dir()
     assert not path.exists()  # nothing was run in it
 

@@ -8,7 +8,8 @@ import pytest
 
 from endolock.hw.api import ConfigError
 from endolock.twin.hil import hil_server
-from endolock.twin.hil.hil_server import HilServer, HilSetup
+from endolock.twin.hil.hil_server import HilServer
+from endolock.twin.hil.messages import HilSetup
 from endolock.twin.rig import TwinRig
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import load
