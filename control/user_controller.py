@@ -13,6 +13,7 @@ from typing import Any
 
 from endolock.control.user_code import Caller
 from endolock.hw.api import AXES, Command, ConfigError, State
+from endolock.hw.strict import shown
 from endolock.vision.observation import Observation
 
 
@@ -81,13 +82,16 @@ class UserController:
             position = self._caller.call("update", partial(_floats, position))
         if len(position) != len(AXES) or not all(map(isfinite, position)):
             raise ConfigError(
-                f"{name}: update returned the position {command.position!r} at {t:.2f} s",
+                f"{name}: update returned the position {shown(command.position)} at {t:.2f} s",
                 "return two finite angles in rad, (up_down, left_right)",
             )
-        valid_for = _floats([command.valid_for])
+        valid_for = (command.valid_for,)
+        if type(command.valid_for) is not float:
+            valid_for = self._caller.call("update", partial(_floats, valid_for))
         if not valid_for or not 0 < valid_for[0] < inf:
+            given = shown(command.valid_for)
             raise ConfigError(
-                f"{name}: update returned a command valid for {command.valid_for!r} s at {t:.2f} s",
+                f"{name}: update returned a command valid for {given} s at {t:.2f} s",
                 "use more than 0, or leave valid_for out",
             )
         return Command(position=position, valid_for=valid_for[0])
@@ -104,7 +108,7 @@ class UserController:
 def _floats(values: Any) -> tuple[float, ...]:
     """Return a copy as plain numbers; empty where it is no sequence of numbers."""
     if not isinstance(values, str | bytes | Mapping | set):
-        with suppress(TypeError, ValueError):
+        with suppress(TypeError, ValueError, OverflowError):
             return tuple(float(value) for value in values)
     return ()
 

@@ -31,7 +31,7 @@ class GuardSettings:
     Silence moves nothing: a motor stays at the last goal that arrived, and the goal waits after
     `max_slew_step_s`. Measured on two cores with six times the work they can do: an emulated bench
     leaves up to four requests in a row unanswered, for up to 0.22 s. It has to be shorter than the
-    watchdog of a motor, 0.4 s, so that the reason is told before the motor stops by itself."""
+    watchdog of a motor, 0.4 s, so that the reason is reported before the motor stops by itself."""
     max_slew_step_s: float = 0.1
     """After a pause, and while no answer comes, the goal moves at most as far as it may within
     this time [s]. Assumed."""

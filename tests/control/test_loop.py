@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from math import inf, nan
 from typing import Any
 
@@ -65,6 +66,14 @@ class Constant:
         self.inputs.append((t, state, observation))
         self.given.append(Command(position=self._position))
         return self.given[-1]
+
+
+class Unlimited(Constant):
+    """Gives commands that are valid for a time too long for a float."""
+
+    def update(self, t: float, state: State, observation: Observation | None) -> Command:
+        """Take note, and give the command."""
+        return replace(super().update(t, state, observation), valid_for=10**400)
 
 
 class Failing:
@@ -459,6 +468,7 @@ def test_eyes_that_return_rubbish_end_the_run_in_one_line(eyes: Any, why: str) -
         (Constant, r"the class Constant, which has no reset\(\)"),
         (Constant(0.0), r"Constant: update returned the position \(0.0,\) at 0.00 s"),
         (Constant("a", "b"), r"update returned the position \('a', 'b'\)"),  # type: ignore[arg-type]
+        (Unlimited(0.0, 0.0), r"Unlimited: update returned a command valid for 1000"),
         (Failing(1), r"Failing: update failed: TypeError: .* \(line \d+\)"),
         (Failing(0), r"Failing: reset failed: SystemExit: 0 \(line \d+\)"),
     ],
