@@ -103,8 +103,7 @@ class Guard(Connecting):
         """Switch torque on without a jump; see `Actuators.enable`."""
         if self._mode is Mode.DISCONNECTED:
             raise self._state_error(f"cannot enable while {self._mode}", "connect")
-        now = self.clock.now()
-        if (why := self._fault or self._stopped(now)) is not None:
+        if (why := self._fault or self._stopped(self.clock.now())) is not None:
             raise self._state_error(f"cannot enable: {why.what}", "clear_fault", why.next_step)
         reading, position = self._confirm("enable", "enabling could make them jump")
         goal = self._drive.quantise(self._positions.starting(position))
@@ -116,7 +115,7 @@ class Guard(Connecting):
         except HardwareError as fault:
             self._latch(fault)
             raise
-        self._slewed_at = self._expires = now
+        self._slewed_at = self._expires = now = self.clock.now()
         self._checks.restart(now)
         self._mode = Mode.HOLDING
         return self._remember(replace(reading, goal=self._goal), (0,) * len(self.axes))

@@ -129,6 +129,21 @@ def test_a_pause_of_the_program_is_no_silence(bench: BenchDrive) -> None:
         assert exchange(guard, 1)[0].fresh
 
 
+def test_the_time_that_enabling_takes_moves_no_goal(bench: BenchDrive) -> None:
+    switch = bench.torque
+
+    def slowly(on: bool) -> None:
+        bench.clock.sleep_until(bench.clock.now() + 0.3)  # requests were repeated
+        switch(on)
+
+    bench.torque = slowly  # type: ignore[method-assign]  # it is the drive that is on trial
+    with Guard(bench) as guard:
+        start = guard.enable().goal
+        (state,) = exchange(guard, 1, (0.9, 0.9))
+        for begin, goal, speed in zip(start, state.goal, guard.limits.velocity_rad_s, strict=True):
+            assert 0 < goal - begin <= speed * PERIOD_S + bench.STEP_RAD  # rounded
+
+
 def test_the_goal_waits_while_no_answer_comes(bench: BenchDrive) -> None:
     with Guard(bench, GuardSettings(max_age_s=1.0)) as guard:
         guard.enable()
