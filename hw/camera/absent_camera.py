@@ -14,8 +14,6 @@ class AbsentCamera:
         why: why there are no pictures.
     """
 
-    ended = True
-
     def __init__(self, why: ConfigError) -> None:
         self._why = why.what, why.next_step
 

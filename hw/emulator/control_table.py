@@ -44,7 +44,7 @@ _RANGES: dict[Register, tuple[int, int]] = {
 }
 _ANY = (reg.HOMING_OFFSET, reg.CURRENT_LIMIT, reg.GOAL_PWM, reg.GOAL_CURRENT)
 _REACTING = {register.address: register for register in (*_RANGES, *_ANY)}
-UNBOUNDED = (-(2**31), 2**31)
+_UNBOUNDED = (-(2**31), 2**31)
 
 
 def sold(model: Model) -> dict[Register, int]:
@@ -96,7 +96,7 @@ def indirect() -> dict[Register, int]:
 
 def limits(register: Register) -> tuple[int, int]:
     """Return the lowest and highest value that a register accepts."""
-    return _RANGES.get(register, UNBOUNDED)
+    return _RANGES.get(register, _UNBOUNDED)
 
 
 @lru_cache
