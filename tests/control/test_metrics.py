@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endolock.control import metrics
+from endolock.control import loop, metrics, registry
 from endolock.control.loop import Run, Seen, Tick
 from endolock.hw.api import Calibration, Frame, Mode, Plant, Pose, State, TruthSample
+from endolock.twin.rig import TwinRig
 from endolock.vision.observation import Observation, Status
+from endolock.vision.truth_eyes import TruthEyes
 
 CAMERA = Calibration(width=640, height=480, focal_px=250.0, centre_px=(319.5, 239.5))
 PERIOD_S = 0.02
@@ -283,10 +285,6 @@ def test_blur_is_the_motion_during_an_exposure() -> None:
 
 
 def test_a_run_that_is_not_kept_scores_the_same() -> None:
-    from endolock.control import loop, metrics, registry
-    from endolock.twin.rig import TwinRig
-    from endolock.vision.truth_eyes import TruthEyes
-
     runs, scores = [], []
     for keep in (True, False):
         with TwinRig("circle", pictures=False) as rig:
