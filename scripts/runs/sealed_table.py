@@ -68,6 +68,9 @@ class TableWriter(Closing):
         self._groups = 0
         self.rows = 0
         """Number of rows written."""
+        self._buffer = io.BytesIO()
+        self._stream = pa.ipc.new_stream(self._buffer, schema)
+        self._message(pa.RecordBatch.from_pylist([], schema))  # the schema goes with the first one
         sealed = schema.with_metadata({"seal": _BLANK})
         self._write(_sealed(sealed.serialize().to_pybytes(), 0, 0, 0, 0))
 
@@ -91,8 +94,7 @@ class TableWriter(Closing):
         if not rows:
             return
         self._groups += 1
-        batch = pa.RecordBatch.from_pylist(rows, self._schema)
-        message = _message(batch)
+        message = self._message(pa.RecordBatch.from_pylist(rows, self._schema))
         self._write(_sealed(message, _seed(self._schema), self._groups, self.rows, len(rows)))
         self.rows += len(rows)
 
@@ -106,6 +108,13 @@ class TableWriter(Closing):
                 self._write(_END)
         finally:
             self._file.close()
+
+    def _message(self, batch: pa.RecordBatch) -> bytes:
+        """Return a batch as a message of a stream, with an empty seal."""
+        self._buffer.seek(0)
+        self._buffer.truncate()
+        self._stream.write_batch(batch, custom_metadata={"seal": _BLANK})
+        return self._buffer.getvalue()
 
     def _write(self, data: bytes) -> None:
         try:
@@ -201,15 +210,6 @@ def _find(
 def _read(file: BinaryIO, start: int, length: int) -> bytes:
     file.seek(start)
     return file.read(length)
-
-
-def _message(batch: pa.RecordBatch) -> bytes:
-    """Return a batch as a message of a stream, with an empty seal."""
-    out = io.BytesIO()
-    with pa.ipc.new_stream(out, batch.schema) as writer:
-        writer.write_batch(batch, custom_metadata={"seal": _BLANK})
-    schema = len(batch.schema.serialize())
-    return out.getvalue()[schema : -len(_END)]
 
 
 def _sealed(message: bytes, seed: int, number: int, first: int, rows: int) -> bytes:
