@@ -1,7 +1,7 @@
 """Keys without effect: which rig and which vision reads each key of a scenario and an instrument.
 
-A change that nobody asked for by name may be ignored; one that was asked for may not. A `--vary`
-none of whose keys has an effect is refused; where only some have none, that is said.
+A `--vary` none of whose keys has an effect is refused. Where only some of them have none, a note
+names these, and so it does with keys of the scenario's file.
 
     reason("camera.noise", Setting("twin", "truth", scenario, instrument, scenario))
     -> ("camera.noise has no effect with vision truth", "use vision markers or track")

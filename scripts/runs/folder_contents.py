@@ -1,6 +1,6 @@
 """What is in a run folder, and what in it is damaged.
 
-Whatever is whole is read. What is missing or damaged becomes a `DamageWarning`, once for each
+All that is whole is read. What is missing or damaged becomes a `DamageWarning`, once for each
 reading, and is listed by `damage`; only a folder without run.toml or without tables is refused.
 """
 

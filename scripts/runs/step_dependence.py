@@ -56,10 +56,10 @@ def note(
         f"results depend on the time step: on a fixed drive, bends at {step_ms:g} and "
         f"{step_ms / FINER:g} ms differ by {error:.1f} deg"
     )
-    return f"{what}; {advice(scenario, instrument, numerics)}"
+    return f"{what}; {_advice(scenario, instrument, numerics)}"
 
 
-def advice(scenario: Scenario, instrument: Instrument, numerics: Numerics) -> str:
+def _advice(scenario: Scenario, instrument: Instrument, numerics: Numerics) -> str:
     """Say with which numerics an instrument converges, as what to do next."""
     bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
     found = timestep_check.converging(instrument, numerics, bend_deg, gravity)

@@ -1,7 +1,6 @@
 """OpenGL does not survive a fork: a picture in the child of a process that rendered hangs for ever.
 
-Neither does its end: MuJoCo closes the EGL display when a process exits, which hangs in such a
-child too, so the child forgets the display.
+So does the end of that child, where MuJoCo closes the EGL display. The child forgets the display.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ from endolock.hw.api import ConfigError
 _used = False
 """Whether this process or one that it was forked from has begun to render."""
 _inherited = False
-"""Whether a process that this one was forked from had."""
+"""Whether a process that this one was forked from had begun to render."""
 
 
 def check_first_use() -> None:
     """Check, before OpenGL is used, that no parent had used it when this process was forked.
 
     Raises:
-        ConfigError: one had.
+        ConfigError: a parent had used it.
     """
     global _used
     if _inherited:

@@ -46,7 +46,8 @@ class TwinPlant:
         seed: seed of the random motions.
 
     Raises:
-        ConfigError: the instrument cannot be with a shaft bent like this, or MuJoCo refuses it.
+        ConfigError: a wire would break, or not move, with the shaft bent like this, or MuJoCo
+            refuses the model.
     """
 
     def __init__(

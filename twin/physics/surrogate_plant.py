@@ -61,7 +61,7 @@ class SurrogatePlant:
         seed: seed of the random motions.
 
     Raises:
-        ConfigError: the instrument cannot be with a shaft bent like this.
+        ConfigError: a wire would break, or not move, with the shaft bent like this.
     """
 
     def __init__(

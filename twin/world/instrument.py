@@ -127,7 +127,7 @@ class Instrument:
         self.check_at(0.0)
 
     def check_at(self, shaft_bend_rad: float) -> None:
-        """Check that wires and conduits can be as they are with the shaft bent.
+        """Check tension and friction of the wires with the shaft bent.
 
         Raises:
             ConfigError: a wire would break, or not move.

@@ -16,7 +16,12 @@ from typing import TYPE_CHECKING
 from endolock.hw.api import ConfigError
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import BoardMotion, Circle, Random, Sine, Strokes, Triangle
-from endolock.twin.world.scenario_sections import Board, CameraSettings, Occluder
+from endolock.twin.world.scenario_sections import (
+    LARGEST_BEND_DEG,
+    Board,
+    CameraSettings,
+    Occluder,
+)
 
 if TYPE_CHECKING:
     from endolock.twin.world.scenario import Scenario
@@ -31,8 +36,6 @@ CLEARANCE_M = 0.002
 """Least distance of the board from the tip at rest [m]; the camera sees from 1 mm on. Assumed."""
 WANDER = 4.0
 """Largest displacement of a random motion over its rms [1]: beyond it in 1 of 16,000 moments."""
-LARGEST_BEND_DEG = 1080.0
-"""Largest bend of the shaft [deg]: three loops. Assumed."""
 MOST = 100
 """Most motions, or shaft changes, or pushes, or occluders [1]. Assumed."""
 
@@ -41,7 +44,7 @@ def check(scenario: Scenario) -> None:
     """Check the values of a scenario together.
 
     Raises:
-        ConfigError: two of them cannot be.
+        ConfigError: some of them contradict each other.
     """
     for name in ("motion", "shaft", "push", "occluder"):
         if (count := len(getattr(scenario, name))) > MOST:
@@ -125,7 +128,7 @@ def _check_rates(board: Board, motions: Sequence[BoardMotion], camera: CameraSet
 
 
 def check_shaft(scenario: Scenario, instrument: Instrument) -> None:
-    """Check that an instrument can be as it is at all bends of the shaft.
+    """Check tension and friction of the wires at all bends of the shaft.
 
     Raises:
         ConfigError: a wire would break, or not move.

@@ -19,7 +19,9 @@ _Distance = Annotated[float, bounded(0.005, 1.5, "m", hint=_METRES)]
 _Factor = Annotated[float, bounded(0, 4)]
 _Share = Annotated[float, bounded(0, 1)]
 _Lost = Annotated[float, bounded(0, 0.999)]
-ShaftBend = Annotated[float, bounded(-1080, 1080, "deg")]
+LARGEST_BEND_DEG = 1080
+"""Largest bend of the shaft [deg]: three loops. Assumed."""
+ShaftBend = Annotated[float, bounded(-LARGEST_BEND_DEG, LARGEST_BEND_DEG, "deg")]
 _Latency = Annotated[float, bounded(0, 5, "s", hint="give seconds")]
 
 LARGEST_PICTURE_PX = 3840 * 2160

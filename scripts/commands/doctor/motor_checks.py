@@ -136,7 +136,7 @@ class MotorCheck(NamedTuple):
     advice: str
     """What to do if a motor fails it."""
     reads: bool = False
-    """Whether it needs a register that a motor which answers to pings only does not tell."""
+    """Whether it reads a register, which a motor that answers to pings only does not return."""
 
 
 def _errors(motor: FoundMotor) -> str:

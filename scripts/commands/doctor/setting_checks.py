@@ -14,7 +14,7 @@ from endolock.scripts.commands.doctor.found_motor import FoundMotor
 
 
 def judge(motors: Sequence[FoundMotor], cure: str) -> list[Finding]:
-    """Judge the settings: a row for each that somebody has to change, one for all others.
+    """Judge the settings: a row for each that a user has to change, one for all others.
 
     Args:
         motors: all motors on the port.
