@@ -6,6 +6,8 @@ rests without a load truly stays, to two counts of its encoder.
 
 from __future__ import annotations
 
+import random
+import secrets
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
@@ -17,6 +19,7 @@ from tests.hw.emulated import PERIOD_S, START, STEP_RAD, Emulated
 from endolock.hw.api import Command, DeviceFault, HardwareError, Mode, StateError
 from endolock.hw.dynamixel import registers as reg
 from endolock.hw.emulator.servo_model import Servo
+from endolock.hw.emulator.wire_faults import WireFault
 from endolock.hw.guard import Guard
 from endolock.twin.rig import TwinRig
 
@@ -214,6 +217,48 @@ def test_two_wrong_readings_move_no_handle(
     bench.look()
     bench.go_on(12, Command(position=HERE) if bench.guard.mode.driven else None)
     assert bench.furthest_rad <= STAYS_RAD
+
+
+Event = Callable[[Bench, Callable[[], None]], None]
+
+
+def try_lossy(event: Event, count: int, seed: int) -> None:
+    """Tell one or two wrong positions on a line that damages, delays or loses packets."""
+    chance = random.Random(seed)
+    for _ in range(count):
+        bench = Bench(chance.randrange(2))
+        bench.bench.wire._random.seed(chance.random())
+        wire = WireFault(
+            kind=chance.choice(["drop", "late", "truncate", "lost"]),
+            share=chance.choice([0.05, 0.15]),
+        )
+        sizes = [-reg.TURN, reg.TURN, -700, 30, chance.randint(-80, 80)]
+        wrong = {chance.randrange(10): chance.choice(sizes) for _ in range(chance.randint(1, 2))}
+
+        def lie(
+            bench: Bench = bench, wire: WireFault = wire, wrong: dict[int, int] = wrong
+        ) -> None:
+            bench.liar.lie(wrong)
+            bench.bench.wire.add(wire)
+
+        with suppress(HardwareError):
+            event(bench, lie)
+        bench.look()
+        bench.go_on(12, Command(position=HERE) if bench.guard.mode.driven else None)
+        assert bench.furthest_rad <= STAYS_RAD, (wire, wrong)
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_nor_do_they_on_a_line_that_loses_packets(event: Event) -> None:
+    try_lossy(event, count=3, seed=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("event", EVENTS)
+def test_nor_do_they_in_many_cases_on_such_a_line(event: Event) -> None:
+    seed = secrets.randbelow(2**32)
+    print(f"seed {seed}")
+    try_lossy(event, count=100, seed=seed)
 
 
 def test_a_wrong_zero_is_not_taken_at_home() -> None:
