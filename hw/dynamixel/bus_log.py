@@ -14,7 +14,7 @@ drive that wrote it. Earlier versions wrote `ENDOBUS1`, with time, direction, co
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from errno import ENOSPC
 from pathlib import Path
 from struct import Struct
@@ -126,6 +126,15 @@ def records(path: Path) -> dict[int, Chunk]:
                 continue
         at = data.find(_MARK, at + 1)
     return dict(sorted(found.items()))
+
+
+def crc_of(found: Mapping[int, Chunk]) -> int:
+    """Return the check sum of all records of a log; it tells runs apart."""
+    crc = 0
+    for number, chunk in found.items():
+        head = _HEAD.pack(number, chunk.t, chunk.came_in, len(chunk.data))
+        crc = crc32(head + chunk.data, crc)
+    return crc
 
 
 def damage(found: Iterable[int], stated: int | None) -> list[str]:

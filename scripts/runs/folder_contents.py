@@ -101,6 +101,7 @@ def configuration(path: Path) -> dict[str, Any]:
         )
     if missing := {"calibration", "board"} - values.keys():
         raise ConfigError(f"{file} has no [{missing.pop()}]", "give a run folder")
+    _warn(_run_damage(path))
     return values
 
 
@@ -122,7 +123,7 @@ def damage(path: Path, *parts: str) -> list[str]:
     Raises:
         ConfigError: a table is missing, has other columns, or is not a table.
     """
-    said = _metrics(path)[1]
+    said = _metrics(path)[1] + _run_damage(path)
     for part in parts or [*TABLES, "bus"]:
         if part != "bus":
             said += _table(path, part).damage
@@ -172,6 +173,8 @@ def _table(path: Path, table: str) -> _Table:
             f"cannot read {file}: {error.strerror or error}", "give a run folder"
         ) from None
     missing = sealed_table.damage(groups, _stated(path, table))
+    if not missing and groups:
+        missing = _exchanged(path, table, f"{sealed_table.crc_of(groups):08x}")
     return _Table(file, groups, [], [f"{file} {text}" for text in missing])
 
 
@@ -238,5 +241,27 @@ def _stated(path: Path, part: str) -> int | None:
     return stated if isinstance(stated, int) else None
 
 
+def _exchanged(path: Path, part: str, crc: str) -> list[str]:
+    """Say so if the check sum of a part is not that in metrics.json, though both are whole."""
+    values, _ = _metrics(path)
+    sums = (values or {}).get("sums")
+    stated = sums.get(part) if isinstance(sums, dict) else None
+    if stated is None or stated == crc:
+        return []
+    return ["and metrics.json are not of the same run"]
+
+
+def _run_damage(path: Path) -> list[str]:
+    file = path / "run.toml"
+    try:
+        crc = sealed_text.sum_in(file.read_bytes())
+    except OSError:
+        return []
+    return [f"{file} {text}" for text in (_exchanged(path, "run", crc) if crc else [])]
+
+
 def _bus_damage(path: Path, found: dict[int, bus_log.Chunk]) -> list[str]:
-    return [f"{path / BUS_LOG}: {text}" for text in bus_log.damage(found, _stated(path, "bus"))]
+    file = path / BUS_LOG
+    if said := bus_log.damage(found, _stated(path, "bus")):
+        return [f"{file}: {text}" for text in said]
+    return [f"{file} {text}" for text in _exchanged(path, "bus", f"{bus_log.crc_of(found):08x}")]

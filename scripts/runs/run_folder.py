@@ -3,7 +3,8 @@
     run.toml        resolved configuration and versions
     ticks.arrows    one row per control period
     frames.arrows   one row per delivered frame, with its pictures as JPEG
-    metrics.json    the run record, and the number of rows of each table; the last thing written
+    metrics.json    the run record, the number of rows and the check sum of each table; the last
+                    thing written
     bus.log         every byte on the serial line to the handles, if there is one
 
 The tables are Arrow IPC streams: rows are appended in sealed groups and never changed, so a killed
@@ -94,10 +95,14 @@ class RunFolder(Closing):
         """Complete both tables, and write metrics.json, whole or not at all."""
         self.close()
         rows = {"ticks": self._ticks.rows, "frames": self._frames.rows}
+        sums = {"ticks": f"{self._ticks.crc:08x}", "frames": f"{self._frames.crc:08x}"}
+        if of_run := sealed_text.sum_in((self.path / "run.toml").read_bytes()):
+            sums["run"] = of_run
         log = self.path / BUS_LOG
         if log.exists():
-            rows["bus"] = len(bus_log.records(log))
-        text = sealed_text.json_(metrics, rows)
+            found = bus_log.records(log)
+            rows["bus"], sums["bus"] = len(found), f"{bus_log.crc_of(found):08x}"
+        text = sealed_text.json_({**metrics, "sums": sums}, rows)
         files.write_whole(self.path / "metrics.json", text, "make room, or give another folder")
 
 

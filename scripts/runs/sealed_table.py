@@ -50,6 +50,8 @@ class Group(NamedTuple):
     """Position of its message in the file [bytes]."""
     length: int
     """Length of its message [bytes]."""
+    crc: int
+    """CRC-32 of its message, with its seal."""
 
 
 class TableWriter(Closing):
@@ -68,6 +70,8 @@ class TableWriter(Closing):
         self._groups = 0
         self.rows = 0
         """Number of rows written."""
+        self.crc = 0
+        """Check sum of all rows written; see `crc_of`."""
         self._buffer = io.BytesIO()
         self._stream = pa.ipc.new_stream(self._buffer, schema)
         self._message(pa.RecordBatch.from_pylist([], schema))  # the schema goes with the first one
@@ -95,8 +99,10 @@ class TableWriter(Closing):
             return
         self._groups += 1
         message = self._message(pa.RecordBatch.from_pylist(rows, self._schema))
-        self._write(_sealed(message, _seed(self._schema), self._groups, self.rows, len(rows)))
+        message = _sealed(message, _seed(self._schema), self._groups, self.rows, len(rows))
+        self._write(message)
         self.rows += len(rows)
+        self.crc = _chained(self.crc, crc32(message))
 
     def close(self) -> None:
         """Write the last rows and the end mark; may be called twice."""
@@ -147,6 +153,14 @@ def batch_of(file: BinaryIO, group: Group, schema: pa.Schema) -> pa.RecordBatch:
     return pa.ipc.read_record_batch(pa.py_buffer(data), schema)
 
 
+def crc_of(found: list[Group]) -> int:
+    """Return the check sum of all rows of a table, from its groups; it tells runs apart."""
+    crc = 0
+    for group in found:
+        crc = _chained(crc, group.crc) if group.number else crc
+    return crc
+
+
 def is_sealed(file: BinaryIO) -> bool:
     """Whether there is a seal in a file, whole or not."""
     return _find(file, re.compile(re.escape(MARK)), 0) is not None
@@ -190,7 +204,7 @@ def _whole(file: BinaryIO, seed: int) -> Iterator[tuple[Group, bytes]]:
         crc = offset + len(MARK)
         blank = data[:crc] + b"00000000" + data[crc + 8 :]
         if crc32(blank, seed if number else 0) == int(match[1], 16):
-            yield Group(number, first, rows, start, length), data
+            yield Group(number, first, rows, start, length, crc32(data)), data
             position = start + length
 
 
@@ -210,6 +224,10 @@ def _find(
 def _read(file: BinaryIO, start: int, length: int) -> bytes:
     file.seek(start)
     return file.read(length)
+
+
+def _chained(crc: int, of_group: int) -> int:
+    return crc32(of_group.to_bytes(4, "little"), crc)
 
 
 def _sealed(message: bytes, seed: int, number: int, first: int, rows: int) -> bytes:

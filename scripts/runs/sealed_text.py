@@ -4,6 +4,9 @@ The sum is the CRC-32 of the text with eight zeros in its place:
 
     # crc32 1a2b3c4d of this file ... # end of the run's configuration    TOML, first, last line
     {"crc32": "1a2b3c4d", ..., "rows": {...}}                             JSON, first, last key
+
+metrics.json also contains the sums of run.toml and of all rows of each table, as `sums`: a file
+that was exchanged with that of another run is whole, but has another sum.
 """
 
 from __future__ import annotations
@@ -44,7 +47,13 @@ def is_whole(data: bytes) -> bool:
 
 def is_sealed(data: bytes) -> bool:
     """Whether a file has a check sum."""
-    return _SUM.search(data[:100]) is not None
+    return sum_in(data) is not None
+
+
+def sum_in(data: bytes) -> str | None:
+    """Return the check sum that a file contains; None if it has none."""
+    found = _SUM.search(data[:100])
+    return found[1].decode() if found else None
 
 
 def _filled(text: str) -> bytes:

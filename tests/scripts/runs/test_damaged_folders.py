@@ -182,3 +182,34 @@ def test_many_processes_at_once_get_folders_of_their_own(tmp_path: Path) -> None
         process.stdin.flush()
     paths = [path for process in processes for path in process.communicate()[0].split()]
     assert len(paths) == len(set(paths)) == 60
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("other") / "run"
+    Experiment(
+        scenario="straight", rig="hil", vision="truth", latency_s=0.1, duration_s=0.7, out=path
+    ).run()
+    return path
+
+
+@pytest.mark.parametrize("name", ["run.toml", "ticks.arrows", "frames.arrows", "bus.log"])
+def test_a_file_of_another_run_is_said(name: str, folder: Path, other: Path) -> None:
+    (folder / name).write_bytes((other / name).read_bytes())
+    said = f"{folder / name} and metrics.json are not of the same run"
+    assert folder_contents.damage(folder) == [said]
+    reader = folder_contents.bus_records if name == "bus.log" else read_run
+    with pytest.warns(DamageWarning, match="not of the same run"):
+        reader(folder)
+
+
+def test_metrics_of_another_run_are_said_with_every_file(folder: Path, other: Path) -> None:
+    (folder / "metrics.json").write_bytes((other / "metrics.json").read_bytes())
+    assert len(folder_contents.damage(folder)) == 4
+
+
+def test_a_configuration_without_its_seal_is_used_as_it_is(folder: Path) -> None:
+    file = folder / "run.toml"
+    file.write_text("\n".join(file.read_text().splitlines()[1:-1]))
+    assert folder_contents.damage(folder) == []
+    assert folder_contents.configuration(folder)["run"]["scenario"] == "circle"
