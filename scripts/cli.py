@@ -8,9 +8,10 @@ import os
 import re
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
-from typing import Annotated, Any, Union
+from typing import Annotated, Any, Union, get_origin, get_type_hints
 
 import endolock
 from endolock.hw.errors import (
@@ -162,10 +163,26 @@ def _commands() -> dict[str, Any]:
 
 def _parsed(kind: Any, prog: str, rest: list[str], args: list[str], modules: dict[str, Any]) -> Any:
     """Parse the rest of the arguments; propose a name where one is misspelt."""
+    if args and args[0] in modules:
+        _check_lists(args[1:], modules[args[0]].Request)
     try:
         return parse(kind, prog, rest)
     except ConfigError as error:
         raise ConfigError(f"{error.what}{_proposal(args, modules)}") from None
+
+
+def _check_lists(args: list[str], kind: Any) -> None:
+    """Check that no option that takes several values is repeated: only the last would count.
+
+    Raises:
+        ConfigError: one is.
+    """
+    given = Counter(arg.partition("=")[0] for arg in args if arg.startswith("--"))
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        option = f"--{name.replace('_', '-')}"
+        count = given[option] + (given[f"--{name}"] if "_" in name else 0)
+        if count > 1 and get_origin(hint) is tuple:
+            raise ConfigError(f"{option} is given {count} times", "give it once, with all values")
 
 
 def _proposal(args: list[str], modules: dict[str, Any]) -> str:

@@ -137,6 +137,10 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["latency", "--stroke=5"], "did you mean --strokes?"),
         (["run"], "Missing from endolock run: STR"),
         (["run", "rest", "--controler", "pi"], "did you mean --controller?"),
+        (
+            ["run", "rest", "--vary", "a=1", "--vary", "b=2"],
+            "--vary is given 2 times; give it once",
+        ),
         (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
         (
             ["run", "strait"],
