@@ -211,10 +211,11 @@ def _explained(problem: Any, where: str) -> tuple[str, str]:
         known = isinstance(error, EndolockError)
         return (error.what, error.next_step) if known else (str(error), "")
     if kind == "missing":
-        return str(problem["msg"]), "give it"
+        return "missing", "give it"
     if kind == "union_tag_invalid":
         given, key, known = (problem["ctx"][k] for k in ("tag", "discriminator", "expected_tags"))
-        return f"Input tag {shown(given)} found using {key}", f"use {known}"
+        key = str(key).strip("'")
+        return f"got {key} {shown(str(given))}, wanted {known}", "use one of these"
     if kind == "union_tag_not_found":
         return f"{problem['ctx']['discriminator']} is missing", "give it"
     if kind == "tuple_type" and isinstance(value, dict):

@@ -131,9 +131,15 @@ def load(source: str | Path | Scenario, overrides: Mapping[str, Any] | None = No
         table = values
         for section in sections:
             table = table.setdefault(section, {})
+            if isinstance(table, list | tuple):
+                raise ConfigError(
+                    f"scenario {name}: {section} is a list, and {key} is a part of it",
+                    f"give the whole list, {section}=[{{...}}, ...]",
+                )
             if not isinstance(table, dict):
                 raise ConfigError(
-                    f"scenario {name}: {section} is not a section", f"write [{section}]"
+                    f"scenario {name}: {section} is not a section, so there is no {key}",
+                    f"give {section} itself",
                 )
         table[last] = value
     try:

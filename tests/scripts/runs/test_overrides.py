@@ -88,7 +88,7 @@ def test_a_list_given_by_key_replaces() -> None:
         (f"duration_s={'[' * 3000}", "duration_s: should be a valid number, got '"),
         ('summary="a\\u001b[2J"', "summary: got .*x1b.*wanted up to 200 printable"),
         ("motion=3", "motion: should be a valid tuple, got 3"),
-        ("motion.0.travel_m=1", "motion is not a section"),
+        ("motion.0.travel_m=1", "motion is a list, and motion.0.travel_m is a part of it"),
         ("instrument.conduit_friction=2", "with the shaft at 1080 deg, wanted 0 to 20"),
     ],
 )

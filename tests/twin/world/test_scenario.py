@@ -62,7 +62,8 @@ def test_a_value_is_not_a_section_of_a_loaded_scenario() -> None:
     with pytest.raises(ConfigError) as caught:
         scenario.load(scenario.load("straight"), {"duration_s.x": 1})
     assert str(caught.value) == (
-        "scenario straight: duration_s is not a section; write [duration_s]"
+        "scenario straight: duration_s is not a section, so there is no duration_s.x; "
+        "give duration_s itself"
     )
 
 
@@ -107,8 +108,14 @@ def test_every_scenario_has_a_summary_and_its_events_start_in_time(name: str) ->
         ("duration_s = 0", "duration_s: got 0 s, wanted 0.02 to 86400 s; give seconds"),
         ("duration_s = inf", "duration_s: should be a finite number"),
         ('duration_s = "long"', "duration_s: should be a valid number"),
-        ('[[motion]]\nkind = "square"', "motion.0: Input tag 'square' found using 'kind'"),
-        ('[[motion]]\nkind = "circle"\nradius_m = 0.1', "motion.0.circle.period_s: Field required"),
+        (
+            '[[motion]]\nkind = "square"',
+            "motion.0: got kind 'square', wanted 'strokes', 'triangle'",
+        ),
+        (
+            '[[motion]]\nkind = "circle"\nradius_m = 0.1',
+            "motion.0.circle.period_s: missing; give it",
+        ),
         (
             '[[motion]]\nkind = "circle"\nradius_m = 0.1\nperiod_s = 1\nrim = 2',
             "unknown key motion.0.circle.rim; known are kind, radius_m, period_s",
@@ -137,7 +144,7 @@ def test_every_scenario_has_a_summary_and_its_events_start_in_time(name: str) ->
             "shaft.0.kind: should be 'bend' or 'roll', got 'twist'",
         ),
         ("[[push]]\nstart_s = 1\nover_s = 0\nforce_n = 1", "push.0.over_s: got 0 s, wanted 0.001"),
-        ("[[push]]\nstart_s = 1\nover_s = 1", "push.0.force_n: Field required"),
+        ("[[push]]\nstart_s = 1\nover_s = 1", "push.0.force_n: missing; give it"),
         (
             f"{PLATE}distance_m = 0.12",
             "occluder.0.distance_m: should be less than board.distance_m",
