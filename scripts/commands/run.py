@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from endolock.control import registry
 from endolock.hw.api import ConfigError
-from endolock.scripts.runs import output, record_table, rigs
+from endolock.scripts.runs import folder_contents, output, record_table, rigs
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.series import run_all
 from endolock.twin.world import instrument_files, scenario
@@ -73,6 +74,7 @@ def main(request: Request) -> int:
     series = run_all([experiment])
     (record,) = series.records
     folder = record.folder
+    output.say(unseen(folder))
     with console.status("writing run.rrd"):
         rerun_export.derive(folder)
     output.write_json(record.as_dict(), request.json)
@@ -85,6 +87,19 @@ def main(request: Request) -> int:
         view.show(folder, console)
     series.conclude()
     return 0
+
+
+def unseen(folder: Path) -> list[str]:
+    """Say why the target was not found, where that was so in more than half of a run's pictures."""
+    frames, reasons = 0, Counter[str]()
+    for batch in folder_contents.batches(folder, "frames"):
+        frames += batch.num_rows
+        reasons.update(why for why in batch.column("why").to_pylist() if why)
+    if 2 * reasons.total() <= frames:
+        return []
+    ((why, count),) = reasons.most_common(1)
+    missed = f"the target was not found in {reasons.total()} of {frames} pictures"
+    return [f"{missed}; {count} of them: {why}"]
 
 
 def experiment_of(request: Request) -> Experiment:

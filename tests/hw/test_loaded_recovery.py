@@ -11,6 +11,7 @@ import pytest
 from tests.hw.emulated import PERIOD_S, STEP_RAD, Emulated, LagMotor
 
 from endolock.hw.api import AXES, Command, DeviceFault
+from endolock.hw.positions import LOAD_RAD
 from endolock.twin.rig import TwinRig
 
 SAG = 4
@@ -23,11 +24,13 @@ SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
 class LoadedMotor(LagMotor):
     """A motor whose load keeps it off its goal, and turns it back where there is no torque."""
 
+    sag = SAG
+
     def measure(self) -> tuple[float, float, float]:
         """Return angle, speed and current."""
         now = self._clock.now()
         if self.on:
-            rest = self.goal_rad - SAG * STEP_RAD
+            rest = self.goal_rad - self.sag * STEP_RAD
             self.angle_rad = rest + (self.angle_rad - rest) * exp((self._at - now) / self.lag_s)
         else:
             self.angle_rad -= BACK_RAD_S * (now - self._at)
@@ -118,6 +121,19 @@ def test_a_handle_that_has_gone_back_far_sags_once(loaded: Loaded) -> None:
     off = loaded.counts()
     loaded.guard.enable()
     assert furthest(loaded, off, 50) == pytest.approx(SAG, abs=1)
+
+
+def test_a_load_that_has_gone_costs_at_most_what_it_needed(loaded: Loaded) -> None:
+    stop(loaded)
+    loaded.guard.clear_fault()
+    for motor in loaded.motors:
+        assert isinstance(motor, LoadedMotor)
+        motor.sag = 0
+    off = loaded.counts()
+    loaded.guard.enable()
+    assert furthest(loaded, off, 50) == pytest.approx(SAG, abs=1.5)
+    assert SAG * STEP_RAD <= LOAD_RAD  # the most that docs/safety.md states
+    assert f"at most {LOAD_RAD:g} rad" in SAFETY.read_text()
 
 
 def test_the_page_states_what_is_measured() -> None:
