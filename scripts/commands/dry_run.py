@@ -12,7 +12,8 @@ from rich.table import Table
 from endolock.hw import files
 from endolock.hw.bench.bench_file import Bench
 from endolock.scripts.runs import effects, output, overrides
-from endolock.scripts.runs.experiment import Experiment, Resolved
+from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.resolved import Resolved
 from endolock.twin.physics import timestep_check
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import Instrument

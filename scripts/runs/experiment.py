@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, ExitStack, chdir, nullcontext
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from endolock.control import loop, metrics, registry, user_law
 from endolock.control.loop import Controller
@@ -25,16 +25,16 @@ from endolock.scripts.runs import (
     overrides,
     rigs,
     run_folder,
-    step_dependence,
     theory,
 )
 from endolock.scripts.runs.experiment_checks import Examined
 from endolock.scripts.runs.experiment_fields import CONVERSIONS, converted, described
 from endolock.scripts.runs.progress import progress
+from endolock.scripts.runs.resolved import Resolved
 from endolock.scripts.runs.run_record import RunRecord
 from endolock.scripts.runs.stopping import closing
 from endolock.scripts.runs.target_path import hindsight
-from endolock.twin.world.instrument import Instrument, Numerics
+from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
 from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection
@@ -63,31 +63,6 @@ class Interrupted(KeyboardInterrupt):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.record, str(self))
-
-
-class Resolved(NamedTuple):
-    """An experiment with all names and files loaded."""
-
-    scenario: Scenario
-    instrument: Instrument
-    numerics: Numerics
-    settings: Any
-    """Settings of the controller; None for an object."""
-    known: dict[str, str]
-    """What settings follow from, by their names: scenario or instrument."""
-    changes: dict[str, Any]
-    """Values that differ from the scenario's file, by dotted key."""
-    bench: Bench | None
-    """Configuration of a serial rig; None for other rigs."""
-    examined: Examined
-    """What was found out about it before it runs."""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know before it runs, each in one line; may simulate for seconds."""
-        used = self.scenario, self.instrument, self.numerics
-        dependent = step_dependence.note(self.examined.timestep_error_deg, *used)
-        return (*self.examined.without_effect, *([dependent] if dependent else []))
 
 
 @dataclass(frozen=True, kw_only=True)
