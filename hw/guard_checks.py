@@ -10,6 +10,7 @@ from math import inf, isfinite
 from endolock.hw.api import PERIOD_S, Command, CommandError, DeviceFault, LinkLost
 from endolock.hw.drive import Reading
 from endolock.hw.errors import RESUME
+from endolock.hw.strict import shown
 
 LAG = 3
 """A motor may report one of this number of goals sent last. Assumed."""
@@ -152,8 +153,15 @@ def values(command: Command, axes: Sequence[str], now: float) -> tuple[float, ..
         now: the time [s].
 
     Raises:
-        CommandError: it has a wrong length, is not finite, not of numbers, or does not expire.
+        CommandError: it is no command, has a wrong length, is not of finite numbers, or does not
+            expire.
     """
+    if not isinstance(command, Command):
+        raise CommandError(
+            f"got {shown(command)}, which is not a command",
+            "give Command(position=...), angles in rad (the previous goal stays)",
+            t=now,
+        )
     try:
         if isinstance(command.position, str | bytes | Mapping | Set):
             raise TypeError  # "12" is not two angles

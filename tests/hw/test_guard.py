@@ -228,6 +228,14 @@ def test_invalid_commands_are_refused_and_keep_the_previous_goal(
     assert (after.goal, after.mode) == (before.goal, Mode.ENABLED)
 
 
+@pytest.mark.parametrize("given", [(0.1, 0.0), "0.1", 0.1, {"position": (0.1, 0.0)}])
+def test_what_is_no_command_is_refused(guard: Guard, given: Any) -> None:
+    guard.enable()
+    with pytest.raises(CommandError, match=r"which is not a command; give Command\(position"):
+        guard.exchange(given)
+    assert guard.mode is Mode.HOLDING  # as after enable()
+
+
 def test_numpy_numbers_are_accepted(guard: Guard) -> None:
     guard.enable()
     guard.clock.sleep_until(guard.clock.now() + PERIOD_S)
