@@ -114,7 +114,8 @@ def measure(
         return "too few frames during steady strokes; record more strokes"
     best, peak = _peak(taus, table.sum(axis=1))
     if peak < 0.5:
-        return f"picture and handle do not move together (correlation {peak:.2f})"
+        what = f"picture and handle do not move together (correlation {peak:.2f})"
+        return f"{what}; point the camera at a still object with texture"
     random = np.random.default_rng(0)
     count = table.shape[1]
     drawn = [

@@ -49,6 +49,7 @@ def test_pictures_that_do_not_move_with_the_handle_are_refused() -> None:
     )
     assert isinstance(found, str)
     assert "do not move together" in found
+    assert "still object" in found  # what to do
 
 
 def test_a_handle_at_rest_is_refused() -> None:
