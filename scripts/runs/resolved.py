@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from endolock.hw.bench.bench_file import Bench
 from endolock.scripts.runs import step_dependence
 from endolock.scripts.runs.experiment_checks import Examined
+from endolock.twin.world import joint_conditions
 from endolock.twin.world.instrument import Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 
@@ -33,4 +34,5 @@ class Resolved(NamedTuple):
         """What a user should know before it runs, each in one line; may simulate for seconds."""
         used = self.scenario, self.instrument, self.numerics
         dependent = step_dependence.note(self.examined.timestep_error_deg, *used)
-        return (*self.examined.without_effect, *([dependent] if dependent else []))
+        found = [*self.examined.without_effect, *joint_conditions.unseen(self.scenario)]
+        return (*found, *([dependent] if dependent else []))
