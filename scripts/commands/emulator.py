@@ -43,7 +43,8 @@ class Request:
     """Serve the picture of the tip camera, 0.4 s late, as Motion JPEG on this TCP port of this
     machine; the source of the camera in bench.toml is then http://127.0.0.1:PORT/."""
     scenario: str = "rest"
-    """With --video: motion of the board in front of the camera, as for run."""
+    """With --video: motion of the board in front of the camera, as for run. Where nothing moves,
+    pictures without noise are equal, and eyes refuse them as those of a camera that repeats one."""
     instrument: Annotated[str, tyro.conf.arg(help=INSTRUMENT)] = "pretensioned"
     seed: int = 0
     """Seed of the random faults."""

@@ -6,7 +6,7 @@ from functools import cache
 
 from endolock.scripts.runs.rigs import RIGS
 from endolock.twin.physics import timestep_check
-from endolock.twin.physics.timestep_check import FINER, LIMIT_DEG
+from endolock.twin.physics.timestep_check import FINER, LIMIT_DEG, UNSTABLE_DEG
 from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
@@ -52,9 +52,10 @@ def note(
     if error is None or error <= LIMIT_DEG:
         return None
     step_ms = 1e3 * numerics.timestep_s
+    differ = f"differ by {error:.1f} deg" if error < UNSTABLE_DEG else "differ without bound"
     what = (
         f"results depend on the time step: on a fixed drive, bends at {step_ms:g} and "
-        f"{step_ms / FINER:g} ms differ by {error:.1f} deg"
+        f"{step_ms / FINER:g} ms {differ}"
     )
     return f"{what}; {_advice(scenario, instrument, numerics)}"
 
