@@ -1,6 +1,6 @@
 """Readings that confirm each other: a single one never becomes a goal or a zero.
 
-A servo may tell a wrong position with a good checksum, once or twice in a row. So what a handle is
+A servo may report a wrong position with a good checksum, once or twice in a row. So what a handle is
 sent to comes from five readings, of which the last three in succession agree with each other and
 with the speed limit:
 
