@@ -61,6 +61,7 @@ def test_json_on_standard_output_holds_every_key(
     kept = json.loads((out / "metrics.json").read_text())
     assert kept.pop("rows") == {"ticks": 76, "frames": 28}
     assert kept.pop("crc32")
+    assert set(kept.pop("sums")) == {"ticks", "frames", "run"}
     assert record == kept
     files = {"run.toml", "ticks.arrows", "frames.arrows", "metrics.json", "run.rrd"}
     assert {file.name for file in out.iterdir()} == files
@@ -112,7 +113,11 @@ def test_one_seed_gives_the_same_tables_and_metrics(tmp_path: Path) -> None:
         assert first == second
     records = [json.loads((folder / "metrics.json").read_text()) for folder in folders]
     for record in records:
-        del record["wall_s"], record["real_time_factor"], record["crc32"]  # the sum of all
+        del record["wall_s"], record["real_time_factor"]
+        del (
+            record["crc32"],
+            record["sums"]["run"],
+        )  # of all, and of run.toml, which names the folder
     assert records[0] == records[1]
 
 
