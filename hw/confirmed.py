@@ -1,8 +1,8 @@
 """Readings that confirm each other: a single one never becomes a goal or a zero.
 
-A servo may report a wrong position with a good checksum, once or twice in a row. So what a handle is
-sent to comes from five readings, of which the last three in succession agree with each other and
-with the speed limit:
+A servo may report a wrong position with a good checksum, once or twice in a row. So what a handle
+is sent to comes from five readings, of which the last three in succession agree with each other
+and with the speed limit:
 
     |x_i - x_j| <= v |t_i - t_j| + SLACK steps of the encoder.
 
