@@ -11,12 +11,16 @@ from endolock.twin.world import instrument_files
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 
+TESTED_DEG = 180.0
+"""Largest bend of the shaft at which that is tested [deg]: beyond it, the wires rub harder."""
+
 
 @cache
 def _known() -> frozenset[tuple[Instrument, Numerics]]:
     """Return what needs no check, because a test shows that it converges.
 
-    That is the instruments of the package, with the presets of at most the default's step.
+    That is the instruments of the package, with the presets of at most the default's step, up to
+    `TESTED_DEG` of the shaft.
     """
     presets = [n for n in NUMERICS.values() if n.timestep_s <= Numerics().timestep_s]
     shipped = [instrument_files.load(name) for name in instrument_files.names()]
@@ -36,12 +40,13 @@ def error_deg(
 
     Returns:
         None where nothing was checked: without physics, and for an instrument of the package with
-        the presets `default` and `fidelity`.
+        the presets `default` and `fidelity`, up to `TESTED_DEG` of the shaft.
     """
     physics = rig in RIGS and RIGS[rig].pictures
-    if not physics or (instrument, numerics) in _known():
-        return None
     bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
+    known = abs(bend_deg) <= TESTED_DEG and (instrument, numerics) in _known()
+    if not physics or known:
+        return None
     return timestep_check.timestep_error_deg(instrument, numerics, bend_deg, gravity)
 
 
