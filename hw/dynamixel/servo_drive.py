@@ -12,7 +12,7 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
-from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost
+from endolock.hw.api import Clock, DeviceFault, HardwareError, Limits, LinkLost, StateError
 from endolock.hw.confirmed import KEPT, NEEDED, Sample, majority
 from endolock.hw.drive import Reading
 from endolock.hw.dynamixel import motor_faults, servo_setup
@@ -182,12 +182,18 @@ class ServoDrive:
         """Switch torque on or off; on only after the goal has arrived, with the watchdog last.
 
         Raises:
+            StateError: no goal was sent before.
             HardwareError: a motor refused, or does not answer.
         """
         if not on:
             self._switch_off()
             return
-        assert self._sent is not None  # guaranteed by Guard: it sends the goal first
+        if self._sent is None:
+            raise StateError(
+                "torque cannot come on without a goal",
+                "send the present positions first",
+                t=self.clock.now(),
+            )
         for index, (handle, goal) in enumerate(zip(self._handles, self._sent, strict=True)):
             self._examine(index)
             self._link.write(handle.id, reg.GOAL_POSITION, goal)

@@ -110,7 +110,8 @@ def _replay(
     while port.index < len(exchanges):
         request = Parser().feed(exchanges[port.index].request)
         kind, data = request[-1].instruction, request[-1].parameters
-        port.seek(port.index)
+        here = port.index
+        port.seek(here)
         try:
             if kind == Instruction.SYNC_READ:
                 goals = _goals(request, drive, tuple(names))
@@ -126,12 +127,11 @@ def _replay(
             elif kind == Instruction.WRITE and data.startswith(_DISABLING):
                 stopped = False
                 drive.torque(False)
-            else:
-                port.index += 1  # of the set-up
         except DeviceFault:
             stopped = True
         except HardwareError:
-            continue  # raised in the run, too
+            pass  # raised in the run, too, or what comes before is missing in a damaged log
+        port.index = max(port.index, here + 1)  # one of the set-up has not been replayed
 
 
 def _goals(

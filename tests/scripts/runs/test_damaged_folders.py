@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pyarrow as pa
@@ -12,7 +13,7 @@ import pytest
 from endolock import ConfigError, DamageWarning, Experiment, read_run
 from endolock.hw.dynamixel import bus_log
 from endolock.scripts import cli
-from endolock.scripts.runs import folder_contents, run_folder, sealed_table
+from endolock.scripts.runs import bus_replay, folder_contents, run_folder, sealed_table
 
 DAMAGED = Path(__file__).with_name("damaged_folders.py")
 
@@ -213,3 +214,17 @@ def test_a_configuration_without_its_seal_is_used_as_it_is(folder: Path) -> None
     file.write_text("\n".join(file.read_text().splitlines()[1:-1]))
     assert folder_contents.damage(folder) == []
     assert folder_contents.configuration(folder)["run"]["scenario"] == "circle"
+
+
+def test_a_bus_log_is_replayed_from_any_record_on(folder: Path) -> None:
+    """What comes before is lost, such as the goals that `enable()` sent, or the whole set-up."""
+    (folder / "metrics.json").unlink()
+    records = list(bus_log.read(folder / "bus.log"))
+    sent = [n for n, record in enumerate(records) if not record.came_in]
+    for first in sent[:: max(1, len(sent) // 25)]:
+        (folder / "bus.log").unlink()
+        with closing(bus_log.BusLog(folder / "bus.log")) as log:
+            for record in records[first:]:
+                log.append(*record)
+        replayed = bus_replay.replay(folder)
+        assert replayed.exchanges == sum(n >= first for n in sent)
