@@ -172,9 +172,10 @@ def _table(path: Path, table: str) -> _Table:
         raise ConfigError(
             f"cannot read {file}: {error.strerror or error}", "give a run folder"
         ) from None
-    missing = sealed_table.damage(groups, _stated(path, table))
+    stated = _stated(path, table)
+    missing = sealed_table.damage(groups, stated.rows)
     if not missing and groups:
-        missing = _exchanged(path, table, f"{sealed_table.crc_of(groups):08x}")
+        missing = stated.exchanged(f"{sealed_table.crc_of(groups):08x}")
     return _Table(file, groups, [], [f"{file} {text}" for text in missing])
 
 
@@ -233,22 +234,26 @@ def _metrics(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
     return values, []
 
 
-def _stated(path: Path, part: str) -> int | None:
-    """Return how many rows metrics.json states for a table; None where it does not say."""
-    values, _ = _metrics(path)
-    rows = (values or {}).get("rows")
-    stated = rows.get(part) if isinstance(rows, dict) else None
-    return stated if isinstance(stated, int) else None
+class _Stated(NamedTuple):
+    """What metrics.json states for a part of a run; None where it does not say."""
+
+    rows: int | None
+    crc: str | None
+
+    def exchanged(self, crc: str) -> list[str]:
+        """Say so if the check sum of the part is another, though both are whole."""
+        if self.crc is None or self.crc == crc:
+            return []
+        return ["and metrics.json are not of the same run"]
 
 
-def _exchanged(path: Path, part: str, crc: str) -> list[str]:
-    """Say so if the check sum of a part is not that in metrics.json, though both are whole."""
-    values, _ = _metrics(path)
-    sums = (values or {}).get("sums")
-    stated = sums.get(part) if isinstance(sums, dict) else None
-    if stated is None or stated == crc:
-        return []
-    return ["and metrics.json are not of the same run"]
+def _stated(path: Path, part: str) -> _Stated:
+    values = _metrics(path)[0] or {}
+    rows, sums = (
+        kept.get(part) if isinstance(kept, dict) else None
+        for kept in (values.get("rows"), values.get("sums"))
+    )
+    return _Stated(rows if isinstance(rows, int) else None, sums)
 
 
 def _run_damage(path: Path) -> list[str]:
@@ -257,11 +262,11 @@ def _run_damage(path: Path) -> list[str]:
         crc = sealed_text.sum_in(file.read_bytes())
     except OSError:
         return []
-    return [f"{file} {text}" for text in (_exchanged(path, "run", crc) if crc else [])]
+    return [f"{file} {text}" for text in (_stated(path, "run").exchanged(crc) if crc else [])]
 
 
 def _bus_damage(path: Path, found: dict[int, bus_log.Chunk]) -> list[str]:
-    file = path / BUS_LOG
-    if said := bus_log.damage(found, _stated(path, "bus")):
+    file, stated = path / BUS_LOG, _stated(path, "bus")
+    if said := bus_log.damage(found, stated.rows):
         return [f"{file}: {text}" for text in said]
-    return [f"{file} {text}" for text in _exchanged(path, "bus", f"{bus_log.crc_of(found):08x}")]
+    return [f"{file} {text}" for text in stated.exchanged(f"{bus_log.crc_of(found):08x}")]
