@@ -105,11 +105,21 @@ class UserController:
             return repr(values)
 
 
+def floats(values: Any) -> tuple[float, ...]:
+    """Return a copy as plain numbers.
+
+    Raises:
+        TypeError, ValueError, OverflowError: it is no sequence of numbers.
+    """
+    if isinstance(values, str | bytes | Mapping | set):
+        raise TypeError
+    return tuple(float(value) for value in values)
+
+
 def _floats(values: Any) -> tuple[float, ...]:
     """Return a copy as plain numbers; empty where it is no sequence of numbers."""
-    if not isinstance(values, str | bytes | Mapping | set):
-        with suppress(TypeError, ValueError, OverflowError):
-            return tuple(float(value) for value in values)
+    with suppress(TypeError, ValueError, OverflowError):
+        return floats(values)
     return ()
 
 

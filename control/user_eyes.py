@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from operator import index
 from typing import Any
 
-from endolock.control.user_controller import caller_of
+from endolock.control.user_controller import caller_of, floats
 from endolock.hw.api import ConfigError, Frame
 from endolock.vision.observation import Observation, Status
 
 
 def _floats(values: Any, count: int) -> tuple[float, ...]:
-    if isinstance(values, str | bytes | Mapping | set):
-        raise TypeError
-    copy = tuple(float(value) for value in values)
+    copy = floats(values)
     if len(copy) != count:
         raise ValueError
     return copy
