@@ -18,7 +18,8 @@ def eyes_of_truth(truth: Truth, scenario: Scenario, seed: int) -> TruthEyes:
         seed: seed of that noise.
     """
     noise = generator(seed, "vision.noise")
-    return TruthEyes(truth, scenario.camera.truth_noise_px, noise)
+    turns = generator(seed, "vision.turns")
+    return TruthEyes(truth, scenario.camera.truth_noise_px, noise, turns)
 
 
 def exact_eyes(rig: TwinRig) -> TruthEyes:

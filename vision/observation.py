@@ -30,6 +30,20 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Turn:
+    """Rotation of the camera between two frames, measured on what does not move."""
+
+    since_s: float
+    """Estimated time of exposure of the earlier frame [s]; the later one is the observation's."""
+    vector: tuple[float, float, float]
+    """Rotation vector of the camera, not of the scene, in its axes (right, down, ahead) [rad]."""
+    covariance: tuple[
+        tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]
+    ]
+    """Covariance of the vector [rad2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Observation:
     """What vision found in one frame; `target_px` is NaN unless `status` is TRACKING."""
 
@@ -50,6 +64,9 @@ class Observation:
     """Target position from the markers around it [px], if it is tracked without them."""
     corners_px: tuple[tuple[float, float], ...] = ()
     """Marker corners found in the frame, for display."""
+    turn: Turn | None = None
+    """Rotation of the camera since an earlier frame, by the background; None where there is no
+    background, or too little of it."""
 
 
 class Eyes(Protocol):
