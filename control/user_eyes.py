@@ -10,7 +10,7 @@ from typing import Any
 
 from endolock.control.user_controller import caller_of, floats
 from endolock.hw.api import ConfigError, Frame
-from endolock.vision.observation import Observation, Status
+from endolock.vision.observation import Observation, Status, Turn
 
 
 def _floats(values: Any, count: int) -> tuple[float, ...]:
@@ -24,6 +24,23 @@ def _corners(values: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(_floats(corner, 2) for corner in values)
 
 
+def _turn(value: Any) -> Turn | None:
+    if value is None:
+        return None
+    if not isinstance(value, Turn):
+        raise TypeError
+    first, second, third = (_finite(row) for row in value.covariance)
+    since_s = float(value.since_s)
+    return Turn(since_s=since_s, vector=_finite(value.vector), covariance=(first, second, third))
+
+
+def _finite(values: Any) -> tuple[float, float, float]:
+    x, y, z = _floats(values, 3)
+    if not all(map(isfinite, (x, y, z))):
+        raise ValueError
+    return x, y, z
+
+
 FIELDS: dict[str, Callable[[Any], Any]] = {
     "t_capture": float,
     "seq": index,
@@ -34,6 +51,7 @@ FIELDS: dict[str, Callable[[Any], Any]] = {
     "distance_m": float,
     "reference_px": partial(_floats, count=2),
     "corners_px": _corners,
+    "turn": _turn,
 }
 """Makes a plain value of each field of an observation, which cannot change afterwards."""
 

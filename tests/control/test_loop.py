@@ -22,7 +22,7 @@ from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import Circle
 from endolock.twin.world.scenario import Scenario
 from endolock.twin.world.scenario_sections import CameraSettings
-from endolock.vision.observation import Observation, Status
+from endolock.vision.observation import Observation, Status, Turn
 from endolock.vision.truth_eyes import TruthEyes
 
 ASIDE = Scenario(name="aside", motion=(Circle(kind="circle", radius_m=0.03, period_s=1e9),))
@@ -433,6 +433,16 @@ def test_each_frame_keeps_the_observation_that_was_made_of_it() -> None:
         assert seen.observation.corners_px == ((n, 0.0),)
 
 
+def test_the_loop_passes_on_how_the_camera_turned() -> None:
+    nothing = (0.0, 0.0, 0.0)
+    turn = Turn(since_s=-0.04, vector=(0.1, 0.2, 0.3), covariance=(nothing, nothing, nothing))
+    law = Constant(0, 0)
+    with SurrogateRig("rest") as rig:
+        result = loop.run(rig, _eyes(turn=turn), law, duration_s=0.5)
+    assert [seen.observation.turn for seen in result.seen] == [turn] * len(result.seen)
+    assert [seen.turn for _, _, seen in law.inputs if seen] == [turn] * len(result.seen)
+
+
 def _eyes(**changes: Any) -> Any:
     plain: dict[str, Any] = {"t_capture": 0.0, "seq": 0, "status": Status.SEARCHING}
     return lambda frame: Observation(**plain | changes)
@@ -450,6 +460,7 @@ def _eyes(**changes: Any) -> Any:
         (_eyes(status=Status.TRACKING), r"target_px \(nan, nan\) in the observation"),
         (_eyes(corners_px=[1.0]), r"corners_px \[1.0\] in the observation"),
         (_eyes(covariance="abc"), "covariance 'abc' in the observation"),
+        (_eyes(turn=(0.1, 0.2, 0.3)), r"turn \(0.1, 0.2, 0.3\) in the observation"),
         (3, "int cannot be called with a frame"),
     ],
 )
