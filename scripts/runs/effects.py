@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from endolock.hw import boards
 from endolock.hw.api import ConfigError
 from endolock.scripts.runs import overrides
-from endolock.scripts.runs.rigs import RIGS, SERIAL, VISIONS
+from endolock.scripts.runs.rigs import FIXED, RIGS, SERIAL, VISIONS
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import Event
 from endolock.twin.world.scenario import Scenario
@@ -47,8 +47,8 @@ class Reader(NamedTuple):
 
 BENCH = "a bench"
 PHYSICS = frozenset(name for name, kind in RIGS.items() if kind.pictures)
-WIRES = frozenset(RIGS) - {"play"}
-"""Rigs with wires; `play` has one play of constant width."""
+WIRES = frozenset(RIGS) - set(FIXED)
+"""Rigs whose transmission is that of the instrument's wires."""
 SIMULATED = frozenset(RIGS)
 ALL = SIMULATED | {BENCH}
 PICTURES, TRUTH = frozenset(VISIONS) - {"truth"}, frozenset({"truth"})

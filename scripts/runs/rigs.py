@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from math import radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from endolock.control.transmission import plays
 from endolock.control.transmission.plays import ONE_PLAY, Plays
 from endolock.hw.api import ConfigError, Rig
 from endolock.hw.bench import bench_file
@@ -16,10 +18,18 @@ from endolock.hw.bench.serial_rig import SerialRig
 from endolock.hw.lifecycle import close_after
 from endolock.twin.exact_eyes import eyes_of_truth
 from endolock.twin.hil.hil_rig import HilRig
-from endolock.twin.physics.surrogate_plant import Transmission
+from endolock.twin.physics.foreign_plants import (
+    SUM_OF_PLAYS,
+    BoucWen,
+    CreepAndDrift,
+    DeadZone,
+    PlayBehindDeadZone,
+)
+from endolock.twin.physics.surrogate_plant import Transmission, bend_of
+from endolock.twin.physics.unequal_wires import UnequalWires
 from endolock.twin.rig import TwinRig
 from endolock.twin.surrogate import SurrogateRig
-from endolock.twin.world.fitted_plays import plays_of
+from endolock.twin.world.fitted_plays import RADII, exercise, plays_of
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.instrument_cable import transmission_of
 from endolock.twin.world.scenario import Scenario
@@ -79,6 +89,16 @@ def _wires(parameters: RigParameters) -> SurrogateRig:
     return _surrogate(parameters, transmission_of(parameters.instrument, shaft_rad))
 
 
+FIXED: dict[str, tuple[Transmission, str]] = {
+    "play": (ONE_PLAY, "one play of constant width"),
+    "dead_zone": (DeadZone(), "slack without friction"),
+    "play_behind_dead_zone": (PlayBehindDeadZone(), "slack, and a play behind it"),
+    "bouc_wen": (BoucWen(), "gradual sliding after Bouc and Wen"),
+    "creep_and_drift": (CreepAndDrift(), "a play whose bend creeps and drifts"),
+    "prandtl_ishlinskii": (SUM_OF_PLAYS, "plays of several widths"),
+    "unequal_wires": (UnequalWires(), "two wires with other losses and pulleys"),
+}
+"""Transmissions that are the same for every instrument, by the name of their rig, and a summary."""
 RIGS: dict[str, RigKind] = {
     "twin": RigKind(lambda given: TwinRig(given.scenario, **given.options), "the MuJoCo twin"),
     "hil": RigKind(
@@ -90,12 +110,11 @@ RIGS: dict[str, RigKind] = {
         "the same in wall-clock time",
     ),
     "surrogate": RigKind(_surrogate, "plays fitted to the instrument", pictures=False),
-    "play": RigKind(
-        lambda given: _surrogate(given, ONE_PLAY),
-        "one play of constant width",
-        pictures=False,
-    ),
     "quasi_static": RigKind(_wires, "the instrument's wires without inertia", pictures=False),
+    **{
+        name: RigKind(partial(_surrogate, transmission=made), summary, pictures=False)
+        for name, (made, summary) in FIXED.items()
+    },
 }
 """All simulated rigs by name; a bench is serial:PORT."""
 VISIONS = {
@@ -287,5 +306,11 @@ def bench_of(rig: str, file: Path | None) -> Bench | None:
 
 
 def plays_behind(rig: str, instrument: Instrument, shaft_deg: float) -> Plays:
-    """Return the hysteresis model closest to a rig: for a surrogate, the model it simulates."""
-    return ONE_PLAY if rig == "play" else plays_of(instrument, shaft_deg)
+    """Return the hysteresis model closest to a rig: the one it simulates, or one fitted to it."""
+    if rig not in FIXED:
+        return plays_of(instrument, shaft_deg)
+    transmission = FIXED[rig][0]
+    if isinstance(transmission, Plays):
+        return transmission
+    handle = exercise()
+    return plays.fit(handle, bend_of(transmission, handle), RADII)[0]

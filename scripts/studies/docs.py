@@ -20,7 +20,7 @@ from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.scripts import cli
 from endolock.scripts.figures import hysteresis_figure, strip
-from endolock.scripts.runs import record_table
+from endolock.scripts.runs import record_table, rigs
 from endolock.scripts.runs.experiment import Experiment
 from endolock.scripts.runs.hysteresis_measurement import HysteresisMeasurement
 from endolock.scripts.runs.instrument_fit import InstrumentFit
@@ -32,7 +32,6 @@ from endolock.scripts.studies import (
     controller_benchmark,
     controller_calibration,
     ensemble,
-    foreign_plants,
     internal_models,
     questions,
     verification,
@@ -40,6 +39,7 @@ from endolock.scripts.studies import (
 )
 from endolock.scripts.thesis import chapter_figures, chapter_runs, statements
 from endolock.twin.model import generate
+from endolock.twin.physics.surrogate_plant import bend_of
 from endolock.twin.world import instrument_files, scenario
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import cable_of
@@ -189,13 +189,13 @@ def misfitted() -> str:
     handle = 2.0 * (1 - np.abs((0.1 * t + 1) % 4 - 2))
     noise = np.radians(0.1) * np.random.default_rng(0).standard_normal(len(t))
     nothing = np.zeros(len(t))
-    for plant in (foreign_plants.bouc_wen, foreign_plants.prandtl_ishlinskii):
-        bend = np.column_stack([plant(handle) + noise, nothing])
+    for name in ("bouc_wen", "prandtl_ishlinskii"):
+        bend = np.column_stack([bend_of(rigs.FIXED[name][0], handle) + noise, nothing])
         found = fit(HandleLog(t, np.column_stack([handle, nothing]), bend), Geometry())
         errors = (found.fit_rms_rad, found.heldout_rms_rad, found.play_heldout_rms_rad)
         cells = [f"{degrees(error):.2f} deg" for error in errors]
         known = ", ".join(n for n, p in found.params.items() if p.determined) or "nothing"
-        rows.append([plant.__name__, *cells, known])
+        rows.append([name, *cells, known])
     head = ["plant", "fitted part", "held out", "best play, held out", "determined"]
     return markdown_table(head, rows, "lrrrl")
 

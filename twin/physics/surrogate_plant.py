@@ -9,6 +9,8 @@ from __future__ import annotations
 from math import exp
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+import numpy as np
+
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw import rotation
@@ -41,6 +43,17 @@ class Transmission(Protocol):
 
     def at_rest(self) -> Follower:
         """Return both axes in their state before the handles turn."""
+
+
+def bend_of(transmission: Transmission, handle_rad: Vector) -> Vector:
+    """Return the bends of the first axis for handle angles from rest on, the other axis at zero.
+
+    Args:
+        transmission: from handle angles to bends.
+        handle_rad: handle angles, n [rad].
+    """
+    axes = transmission.at_rest()
+    return np.array([axes.follow((handle, 0.0))[0] for handle in handle_rad.tolist()])
 
 
 class Moment(NamedTuple):

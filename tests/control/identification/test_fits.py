@@ -1,6 +1,5 @@
 """Identification from logs of our own twins, and from logs of plants of another kind."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -15,9 +14,9 @@ from endolock.control.identification.fits import CableFit, fit
 from endolock.control.identification.handle_log import HandleLog
 from endolock.control.transmission.quasi_static import Geometry
 from endolock.control.transmission.simulation import thin
-from endolock.hw.api import Vector
 from endolock.scripts.checks.strokes import still, turn
-from endolock.scripts.studies.foreign_plants import bouc_wen, prandtl_ishlinskii
+from endolock.twin.physics.foreign_plants import SUM_OF_PLAYS, BoucWen
+from endolock.twin.physics.surrogate_plant import Transmission, bend_of
 from endolock.twin.world.instrument import Instrument
 
 PEAK_RAD, SPEED_RAD_S, NOISE_RAD = 2.6, 0.2, radians(0.1)
@@ -148,20 +147,16 @@ def test_tensions_give_absolute_values() -> None:
 @pytest.mark.parametrize(
     ("plant", "worst"),
     [
-        # its width does not depend on the bend, as for a play but not for wires: a tie
-        (bouc_wen, 1.08),
-        # neither model has several widths
-        (prandtl_ishlinskii, 0.7),
+        (BoucWen(), 0.7),  # it slides gradually, which a play does not
+        (SUM_OF_PLAYS, 0.7),  # neither model has several widths
     ],
 )
-def test_a_plant_of_another_kind_is_a_misfit(
-    plant: Callable[[Vector], Vector], worst: float
-) -> None:
+def test_a_plant_of_another_kind_is_a_misfit(plant: Transmission, worst: float) -> None:
     """Not an inverse crime: this log is not from the fitted model."""
     times, angles = zip(*triangle(2.0), strict=True)
     t = np.arange(0.0, times[-1], 0.02)
     handle = np.interp(t, times, angles)
-    bend = plant(handle) + NOISE_RAD * np.random.default_rng(0).standard_normal(len(t))
+    bend = bend_of(plant, handle) + NOISE_RAD * np.random.default_rng(0).standard_normal(len(t))
     nothing = np.zeros(len(t))
     log = HandleLog(t, np.column_stack([handle, nothing]), np.column_stack([bend, nothing]))
     found = fit(log, Geometry())
