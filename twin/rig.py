@@ -93,12 +93,12 @@ class TwinRig(ClosingRig):
         model = self.plant.model
         calibration = optics.calibration(video)
         self._tip, self._fixed = (scene.camera_id(model, name) for name in ("tip", "overview"))
-        self.camera = renderer.tip_camera(video, self.clock, seed)
+        self.camera = renderer.tip_camera(self.scenario, self.clock, seed)
         self.overview: renderer.TwinCamera | None = None
         if overview and pictures:
             fixed = camera_model.from_fovy(*OVERVIEW_SIZE, scene.OVERVIEW_FOVY_DEG)
             self.overview = renderer.TwinCamera(fixed, self.clock, seed)
-        under_way = renderer.under_way(video)
+        under_way = renderer.under_way(self.scenario)
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._renderer = renderer.Renderer(model)
         self._optics = optics.Optics(video, seed) if pictures else None

@@ -8,7 +8,7 @@ The transmission is weighted plays, both axes alike and independent (control/tra
 or wires with friction, whose loops widen with the bend of both axes
 (control/transmission/quasi_static.py): friction as in eq. 3.29 of the thesis with the kinematics of
 its controllers, the kind of model that the thesis simulated. It has no pushes, no moving shaft and
-no inertia.
+no inertia; where the friction changes, the width of its plays does.
 """
 
 from __future__ import annotations
@@ -70,9 +70,8 @@ class SurrogateRig(ClosingRig):
         self.plant = SurrogatePlant(self.scenario, transmission, made, seed)
         self.clock = SimulatedClock(self.plant, TIMESTEP_S, self.advance)
         self.actuators: Guard = Guard(SurrogateDrive(self.plant, self.clock, made))
-        video = self.scenario.camera
-        self.camera = renderer.tip_camera(video, self.clock, seed)
-        under_way = renderer.under_way(video)
+        self.camera = renderer.tip_camera(self.scenario, self.clock, seed)
+        under_way = renderer.under_way(self.scenario)
         calibration = self.camera.calibration
         self.truth = TwinTruth(self.plant, calibration, self.board, under_way)
         self._frames = 0

@@ -25,6 +25,11 @@ class BothAxes:
         bend = up_down.follow(handles[0], handles[1], left_right.bend_rad)
         return bend, left_right.follow(handles[1], handles[0], bend)
 
+    def rub(self, times: float) -> None:
+        """Set the friction of all wires to a multiple of that at rest [1]."""
+        for axis in self._axes:
+            axis.rub(times)
+
 
 @dataclass(frozen=True, kw_only=True)
 class CableTransmission:

@@ -10,7 +10,7 @@ Reference:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Annotated
 
@@ -129,12 +129,19 @@ class PlaysOfBothAxes:
     """
 
     def __init__(self, plays: Plays) -> None:
+        self._plays = plays
         self._axes = Hysteresis(plays), Hysteresis(plays)
 
     def follow(self, handles: Pair) -> Pair:
         """Move the handles to angles [rad]; return the bends [rad]."""
         up_down, left_right = self._axes
         return up_down.follow(handles[0]), left_right.follow(handles[1])
+
+    def rub(self, times: float) -> None:
+        """Make all loops wider or narrower by a factor on those at rest [1]."""
+        radii = tuple(times * r for r in self._plays.radii)
+        for axis in self._axes:
+            axis.plays = replace(self._plays, radii=radii)
 
 
 def fit(handle_rad: Vector, bend_rad: Vector, radii: Sequence[float]) -> tuple[Plays, float]:

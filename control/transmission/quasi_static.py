@@ -19,7 +19,7 @@ two that is as accurate as solving for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, exp, hypot, inf, pi, sin
 
 from endolock.control.transmission.cable import compliances
@@ -95,7 +95,8 @@ class Axis:
     """
 
     def __init__(self, cable: Cable, geometry: Geometry) -> None:
-        self._cable, self._geometry = cable, geometry
+        self._made = self._cable = cable
+        self._geometry = geometry
         self.bend_rad = 0.0
         """Present bend [rad]."""
         self.tensions = (0.0, 0.0)
@@ -113,6 +114,15 @@ class Axis:
     @state.setter
     def state(self, values: Sequence[float]) -> None:
         self.bend_rad, self._yielded, self._step_rad, self._handle_rad, *self._nodes = values
+
+    def rub(self, times: float) -> None:
+        """Set the friction of conduit and section to a multiple of the one it was made with [1]."""
+        made = self._made
+        self._cable = replace(
+            made,
+            conduit_exponent=times * made.conduit_exponent,
+            section_friction=times * made.section_friction,
+        )
 
     def follow(
         self, handle_rad: float, other_handle_rad: float = 0.0, other_bend_rad: float = 0.0

@@ -17,6 +17,7 @@ from endolock.hw.api import ConfigError
 from endolock.scripts.runs import overrides
 from endolock.scripts.runs.rigs import FIXED, RIGS, SERIAL, VISIONS
 from endolock.twin.world.instrument import Instrument
+from endolock.twin.world.mid_run import CHANGED
 from endolock.twin.world.motion import Event
 from endolock.twin.world.scenario import Scenario
 
@@ -49,6 +50,8 @@ BENCH = "a bench"
 PHYSICS = frozenset(name for name, kind in RIGS.items() if kind.pictures)
 WIRES = frozenset(RIGS) - set(FIXED)
 """Rigs whose transmission is that of the instrument's wires."""
+FRICTIONLESS = frozenset({"dead_zone"})
+"""Rigs whose transmission has no friction that could change."""
 SIMULATED = frozenset(RIGS)
 ALL = SIMULATED | {BENCH}
 PICTURES, TRUTH = frozenset(VISIONS) - {"truth"}, frozenset({"truth"})
@@ -68,6 +71,14 @@ def _other_target(setting: Setting) -> bool:
 
 def _exposed(setting: Setting) -> bool:
     return setting.scenario.camera.exposure_s > 0
+
+
+def _changes(setting: Setting) -> bool:
+    changes = setting.scenario.change
+    video = any(getattr(c, name) is not None for c in changes for name in CHANGED[:-1])
+    made = setting.instrument
+    wires = setting.rig in WIRES and not (made.conduit_friction or made.section_friction)
+    return video or not (wires or setting.rig in FRICTIONLESS)
 
 
 def _shaft_bends(setting: Setting) -> bool:
@@ -95,6 +106,10 @@ KEYS: dict[str, Reader] = {
     "shaft": Reader(PHYSICS),
     "push": Reader(PHYSICS),
     "occluder": _SHARED,
+    "change": Reader(
+        SIMULATED, used=_changes, needs="for friction_times alone, friction that can change"
+    ),
+    "video_gap": _SHARED,
     "board.distance_m": _SHARED,
     "board.depth_travel_m": _SHARED,
     "board.depth_period_s": Reader(
@@ -250,7 +265,7 @@ def _of_scenario(setting: Setting, changed: Iterable[str]) -> Iterator[str]:
     """Yield what a scenario holds that has no effect, besides what variations changed."""
     scenario, rig = setting.scenario, setting.rig
     late: dict[str, Any] = {}
-    for name in ("motion", "shaft", "push", "occluder"):
+    for name in ("motion", "shaft", "push", "occluder", "change", "video_gap"):
         if name not in changed:
             parts = enumerate(getattr(scenario, name))
             late |= {f"{name}.{n}": part for n, part in parts if isinstance(part, Event)}

@@ -7,7 +7,7 @@ from functools import cache
 from endolock.scripts.runs.rigs import RIGS
 from endolock.twin.physics import timestep_check
 from endolock.twin.physics.timestep_check import FINER, LIMIT_DEG, UNSTABLE_DEG
-from endolock.twin.world import instrument_files
+from endolock.twin.world import instrument_files, joint_conditions
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.scenario import Scenario
 
@@ -32,9 +32,11 @@ def error_deg(
 ) -> float | None:
     """Return how much bends depend on the step, see `timestep_check.timestep_error_deg` [deg].
 
+    With changes of the friction, it is the largest of those before and after them.
+
     Args:
         rig: name of the rig.
-        scenario: gives bend of the shaft and gravity.
+        scenario: gives bend of the shaft, changes of the friction, and gravity.
         instrument: parameters of the endoscope.
         numerics: resolution of the simulation.
 
@@ -42,12 +44,15 @@ def error_deg(
         None where nothing was checked: without physics, and for an instrument of the package with
         the presets `default` and `fidelity`, up to `TESTED_DEG` of the shaft.
     """
-    physics = rig in RIGS and RIGS[rig].pictures
     bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
-    known = abs(bend_deg) <= TESTED_DEG and (instrument, numerics) in _known()
-    if not physics or known:
+    if rig not in RIGS or not RIGS[rig].pictures:
         return None
-    return timestep_check.timestep_error_deg(instrument, numerics, bend_deg, gravity)
+    checked = [
+        timestep_check.timestep_error_deg(made, numerics, bend_deg, gravity)
+        for made in joint_conditions.with_friction(scenario, instrument)
+        if abs(bend_deg) > TESTED_DEG or (made, numerics) not in _known()
+    ]
+    return max(checked, default=None)
 
 
 def note(
@@ -68,7 +73,11 @@ def note(
 def _advice(scenario: Scenario, instrument: Instrument, numerics: Numerics) -> str:
     """Say with which numerics an instrument converges, as what to do next."""
     bend_deg, gravity = scenario.shaft_bend_deg, scenario.gravity
-    found = timestep_check.converging(instrument, numerics, bend_deg, gravity)
+    # With several frictions, a step that suits all of them is sought one after another.
+    found: Numerics | None = numerics
+    for made in joint_conditions.with_friction(scenario, instrument):
+        if found is not None:
+            found = timestep_check.converging(made, found, bend_deg, gravity)
     if found is None:
         least_ms = 1e3 * timestep_check.SMALLEST_S
         return f"no step down to {least_ms:g} ms converges: use a stiffer section or softer wires"

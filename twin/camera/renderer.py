@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from math import ceil
@@ -20,7 +20,9 @@ from endolock.hw.api import Calibration, Clock, ConfigError, Frame, Image
 from endolock.hw.frozen import read_only
 from endolock.twin.camera import forks, optics
 from endolock.twin.randomness import generator
-from endolock.twin.world.scenario_sections import CameraSettings
+from endolock.twin.world import mid_run
+from endolock.twin.world.mid_run import Change, VideoGap
+from endolock.twin.world.scenario import Scenario
 
 Picture = Image | Future[Image] | None
 """A picture, one that is still being developed, or none."""
@@ -105,6 +107,8 @@ class TwinCamera:
         drop_fraction: share of the frames that never arrive [1].
         repeat_fraction: share of the frames that arrive as a copy of the previous one [1].
         nominal_latency_s: latency from which `t_capture` is computed [s]; the true one if None.
+        changes: changes of these values, except of repeats, in the order in which they start.
+        gaps: times in which no frame arrives.
     """
 
     def __init__(
@@ -118,17 +122,24 @@ class TwinCamera:
         drop_fraction: float = 0.0,
         repeat_fraction: float = 0.0,
         nominal_latency_s: float | None = None,
+        changes: Sequence[Change] = (),
+        gaps: Sequence[VideoGap] = (),
     ) -> None:
         self._calibration, self._clock = calibration, clock
-        self._latency_s, self._jitter_s, self._drop_fraction = latency_s, jitter_s, drop_fraction
-        self._nominal_s = latency_s if nominal_latency_s is None else nominal_latency_s
+        self._at_first = {
+            "latency_s": latency_s,
+            "nominal_latency_s": latency_s if nominal_latency_s is None else nominal_latency_s,
+            "jitter_s": jitter_s,
+            "drop_fraction": drop_fraction,
+        }
+        self._changes, self._gaps = changes, gaps
         self._jitter = generator(seed, "camera.jitter")
         self._drops = generator(seed, "camera.drops")
         self._repeats, self._repeat_fraction = generator(seed, "camera.repeats"), repeat_fraction
-        self._line: deque[tuple[float, int, Picture, bool]] = deque()
+        self._line: deque[tuple[float, float, int, Picture, bool]] = deque()
         self._sent: Picture = None
         self._newest: Frame | None = None
-        self._last_available = 0.0
+        self._last_available = self._believed_s = 0.0
 
     @property
     def calibration(self) -> Calibration:
@@ -137,18 +148,23 @@ class TwinCamera:
 
     def delivery(self, t: float) -> float | None:
         """Draw the delivery time of the frame exposed at `t` [s]; None if it is dropped."""
-        late = self._latency_s + self._jitter_s * self._jitter.uniform(-1.0, 1.0)
-        if self._drops.random() < self._drop_fraction:
+        varied = self._value("jitter_s", t) * self._jitter.uniform(-1.0, 1.0)
+        late = self._value("latency_s", t) + varied
+        if self._drops.random() < self._value("drop_fraction", t):
             return None
         # A video chain delivers in order.
-        self._last_available = max(t + late, t, self._last_available)
-        return self._last_available
+        available = max(t + late, t, self._last_available)
+        if any(gap.holds(available) for gap in self._gaps):
+            return None
+        self._last_available = available
+        self._believed_s = self._value("nominal_latency_s", t)
+        return available
 
     def send(self, seq: int, available: float, image: Picture) -> None:
         """Send a picture that arrives at `available` [s]."""
         repeated = seq > 0 and self._repeats.random() < self._repeat_fraction
         self._sent = self._sent if repeated else image
-        self._line.append((available, seq, self._sent, repeated))
+        self._line.append((available, available - self._believed_s, seq, self._sent, repeated))
 
     def latest(self) -> Frame | None:
         """Return the newest frame delivered so far, None before the first."""
@@ -157,10 +173,10 @@ class TwinCamera:
         while self._line and self._line[0][0] <= now:
             arrived = self._line.popleft()
         if arrived:
-            available, seq, image, repeated = arrived
+            available, t_capture, seq, image, repeated = arrived
             self._newest = Frame(
                 image=read_only(image.result() if isinstance(image, Future) else image),
-                t_capture=available - self._nominal_s,
+                t_capture=t_capture,
                 t_available=available,
                 seq=seq,
                 dropped=seq - 1 - (self._newest.seq if self._newest else -1),
@@ -168,9 +184,14 @@ class TwinCamera:
             )
         return self._newest
 
+    def _value(self, name: str, t: float) -> float:
+        """Return a setting at a time [s]."""
+        return mid_run.value_at(self._changes, name, self._at_first[name], t)
 
-def tip_camera(video: CameraSettings, clock: Clock, seed: int) -> TwinCamera:
+
+def tip_camera(scenario: Scenario, clock: Clock, seed: int) -> TwinCamera:
     """Make the tip camera of a scenario."""
+    video = scenario.camera
     return TwinCamera(
         optics.calibration(video),
         clock,
@@ -180,9 +201,14 @@ def tip_camera(video: CameraSettings, clock: Clock, seed: int) -> TwinCamera:
         drop_fraction=video.drop_fraction,
         repeat_fraction=video.repeat_fraction,
         nominal_latency_s=video.nominal_latency_s,
+        changes=mid_run.in_order(scenario.change),
+        gaps=scenario.video_gap,
     )
 
 
-def under_way(video: CameraSettings) -> int:
+def under_way(scenario: Scenario) -> int:
     """Return how many frames to remember: those under way at once, and one second of others."""
-    return ceil((video.latency_s + video.jitter_s + 1.0) * video.frame_rate_hz)
+    video, changes = scenario.camera, scenario.change
+    latency_s = mid_run.largest(changes, "latency_s", video.latency_s)
+    jitter_s = mid_run.largest(changes, "jitter_s", video.jitter_s)
+    return ceil((latency_s + jitter_s + 1.0) * video.frame_rate_hz)

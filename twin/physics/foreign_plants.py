@@ -30,6 +30,9 @@ from endolock.twin.physics.surrogate_plant import TIMESTEP_S
 class OneAxis(Protocol):
     """One axis with its history."""
 
+    friction_times: float
+    """Friction over that at rest [1]."""
+
     def follow(self, handle_rad: float) -> float:
         """Move the handle to an angle [rad]; return the bend [rad]."""
 
@@ -42,11 +45,17 @@ class EqualAxes:
     """
 
     def __init__(self, make: Callable[[], OneAxis]) -> None:
-        self.up_down, self.left_right = make(), make()
+        self._axes = make(), make()
 
     def follow(self, handles: Pair) -> Pair:
         """Move the handles to angles [rad]; return the bends [rad]."""
-        return self.up_down.follow(handles[0]), self.left_right.follow(handles[1])
+        up_down, left_right = self._axes
+        return up_down.follow(handles[0]), left_right.follow(handles[1])
+
+    def rub(self, times: float) -> None:
+        """Set the friction to a multiple of that at rest [1]."""
+        for axis in self._axes:
+            axis.friction_times = times
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,13 +67,14 @@ class DeadZone:
     bend_per_handle: float = BEND_PER_HANDLE
     """k, beyond it [rad/rad]."""
 
-    def at_rest(self) -> EqualAxes:
-        """Return both axes with the handles at zero."""
-        return EqualAxes(lambda: self)
+    def at_rest(self) -> DeadZone:
+        """Return both axes; their state is always the same."""
+        return self
 
-    def follow(self, handle_rad: float) -> float:
-        """Move a handle to an angle [rad]; return the bend [rad]."""
-        return self.bend_per_handle * _beyond(handle_rad, self.half_width_rad)
+    def follow(self, handles: Pair) -> Pair:
+        """Move the handles to angles [rad]; return the bends [rad]."""
+        up_down, left_right = (_beyond(handle, self.half_width_rad) for handle in handles)
+        return self.bend_per_handle * up_down, self.bend_per_handle * left_right
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +97,13 @@ class _PlayAxis:
     """State of one axis of `PlayBehindDeadZone`."""
 
     def __init__(self, made: PlayBehindDeadZone) -> None:
-        self._made, self._output_rad = made, 0.0
+        self._made, self._output_rad, self.friction_times = made, 0.0, 1.0
 
     def follow(self, handle_rad: float) -> float:
         made = self._made
         pulled = _beyond(handle_rad, made.slack_rad)
-        self._output_rad = play_step(self._output_rad, pulled, made.half_width_rad)
+        half_width = self.friction_times * made.half_width_rad
+        self._output_rad = play_step(self._output_rad, pulled, half_width)
         return made.bend_per_handle * self._output_rad
 
 
@@ -123,7 +134,7 @@ class _BoucWenAxis:
     """State of one axis of `BoucWen`."""
 
     def __init__(self, made: BoucWen) -> None:
-        self._made = made
+        self._made, self.friction_times = made, 1.0
         self._handle_rad = self._lost_rad = 0.0
 
     def follow(self, handle_rad: float) -> float:
@@ -134,8 +145,8 @@ class _BoucWenAxis:
         if lost < 0:
             back = min(by, -lost / made.lost_share)
             lost, by = lost + made.lost_share * back, by - back
-        width = made.half_width_rad
-        lost = width - (width - lost) * exp(-made.lost_share * by / width)
+        width = self.friction_times * made.half_width_rad
+        lost = width - (width - lost) * exp(-made.lost_share * by / width) if width else 0.0
         self._lost_rad = sign * lost
         return made.bend_per_handle * (handle_rad - self._lost_rad)
 
@@ -170,13 +181,14 @@ class _CreepingAxis:
     """State of one axis of `CreepAndDrift`."""
 
     def __init__(self, made: CreepAndDrift) -> None:
-        self._made = made
+        self._made, self.friction_times = made, 1.0
         self._keep = exp(-TIMESTEP_S / made.creep_time_s)
         self._output_rad = self._creep_rad = self._t = 0.0
 
     def follow(self, handle_rad: float) -> float:
         made = self._made
-        self._output_rad = play_step(self._output_rad, handle_rad, made.half_width_rad)
+        half_width = self.friction_times * made.half_width_rad
+        self._output_rad = play_step(self._output_rad, handle_rad, half_width)
         end = made.creep_share * self._output_rad
         self._creep_rad = end + (self._creep_rad - end) * self._keep
         self._t += TIMESTEP_S

@@ -120,7 +120,7 @@ class TwinPlant:
         if course.pushes:
             force = scene.WORLD_FROM_BASE @ course.tip_force(t)
             self.data.xfrc_applied[self._tip, :3] = force
-        self._wires.refresh(course.shaft_bend_rad(t))
+        self._wires.refresh(course.shaft_bend_rad(t), course.friction_times(t))
         self._current_at = self.step_count
 
     def board_position(self) -> tuple[float, float, float]:

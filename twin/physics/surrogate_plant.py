@@ -7,14 +7,14 @@ bends; a bend gives the tip's pose by constant curvature.
 from __future__ import annotations
 
 from math import exp
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw import rotation
-from endolock.hw.api import Plant, Pose, Vector
+from endolock.hw.api import ConfigError, Plant, Pose, Vector
 from endolock.hw.frozen import read_only
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.instrument_cable import section_of
@@ -34,6 +34,14 @@ class Follower(Protocol):
 
     def follow(self, handles: Pair) -> Pair:
         """Turn the handles to these angles [rad]; return the bends [rad]."""
+
+
+@runtime_checkable
+class Rubbing(Follower, Protocol):
+    """Both axes, with friction that can change."""
+
+    def rub(self, times: float) -> None:
+        """Set the friction to a multiple of that at rest [1]."""
 
 
 class Transmission(Protocol):
@@ -74,7 +82,8 @@ class SurrogatePlant:
         seed: seed of the random motions.
 
     Raises:
-        ConfigError: a wire would break, or not move, with the shaft bent like this.
+        ConfigError: a wire would break, or not move, with the shaft bent like this, or the scenario
+            changes a friction that the transmission does not have.
     """
 
     def __init__(
@@ -87,6 +96,12 @@ class SurrogatePlant:
         self._distance_m = scenario.board.distance_m
         self._geometry = section_of(instrument)
         self._axes = transmission.at_rest()
+        self._friction_times = 1.0
+        if self.course.rubs and not isinstance(self._axes, Rubbing):
+            raise ConfigError(
+                f"scenario {scenario.name} changes the friction, and this transmission has none",
+                "leave friction_times out, or use --rig twin",
+            )
         self._keep = exp(-TIMESTEP_S / SERVO_LAG_S)
         self.goal = self.handles = self.speed = self.bend = (0.0, 0.0)
         self.step_count = 0
@@ -104,8 +119,15 @@ class SurrogatePlant:
             off_a, off_b = keep * (a - goal_a), keep * (b - goal_b)
             self.handles = goal_a + off_a, goal_b + off_b
             self.speed = -off_a / SERVO_LAG_S, -off_b / SERVO_LAG_S
+            if self.course.rubs:
+                self._rub(self.course.friction_times(self.t))
             self.bend = axes.follow(self.handles)
             self.step_count += 1
+
+    def _rub(self, times: float) -> None:
+        if times != self._friction_times and isinstance(self._axes, Rubbing):
+            self._friction_times = times
+            self._axes.rub(times)
 
     def snapshot(self) -> Moment:
         """Copy the state from which the truth at this time is computed."""

@@ -45,15 +45,15 @@ class _Axis:
     """State of one axis."""
 
     def __init__(self, made: UnequalWires) -> None:
-        self._made = made
+        self._made, self.friction_times = made, 1.0
         self._outputs = [0.0] * len(made.weights)
 
     def follow(self, handle_rad: float) -> float:
         """Move the handle to an angle [rad]; return the bend [rad]."""
-        made = self._made
+        made, times = self._made, self.friction_times
         lost = zip(made.positive_rad, made.negative_rad, strict=True)
         for n, (positive, negative) in enumerate(lost):
-            least = made.positive_slope * (handle_rad - positive)
-            most = made.negative_slope * (handle_rad + negative)
+            least = made.positive_slope * (handle_rad - times * positive)
+            most = made.negative_slope * (handle_rad + times * negative)
             self._outputs[n] = min(max(self._outputs[n], least), most)
         return sum(w * z for w, z in zip(made.weights, self._outputs, strict=True))

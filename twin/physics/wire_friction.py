@@ -30,7 +30,8 @@ by several degrees per minute."""
 class WireFriction:
     """Updates the friction nodes of a compiled model from its state.
 
-    It has no state of its own: all that it writes follows from mjData and the bend of the shaft.
+    It has no state of its own: all that it writes follows from mjData, the bend of the shaft and
+    the change of friction.
 
     Args:
         model: compiled from `section.build`; its stiffness, lengths and friction are rewritten.
@@ -62,18 +63,22 @@ class WireFriction:
         self._up_down, self._left_right = (slice(start, node, len(AXES)) for start in hinges)
         self._shaft_bend_rad = nan
 
-    def refresh(self, shaft_bend_rad: float) -> None:
+    def refresh(self, shaft_bend_rad: float, friction_times: float = 1.0) -> None:
         """Write stiffness, rest lengths and friction for the present state into the model.
 
         Args:
             shaft_bend_rad: present bend of the shaft [rad].
+            friction_times: present friction of conduits and section over the instrument's [1].
         """
         self.update_lengths()
         if shaft_bend_rad != self._shaft_bend_rad:
             self._bend_shaft(shaft_bend_rad)
         qpos = self._qpos.tolist()
         bend_rad = hypot(sum(qpos[self._up_down]), sum(qpos[self._left_right]))
-        exponents = self._conduit_exponent, self._instrument.section_friction * bend_rad
+        exponents = (
+            friction_times * self._conduit_exponent,
+            friction_times * self._instrument.section_friction * bend_rad,
+        )
         k, wires = self._instrument.wire_stiffness, len(WIRES)
         stiffness = [k / c for c in cable.compliances(*exponents, self._nodes) for _ in WIRES]
         self._stiffness[:] = stiffness

@@ -9,11 +9,13 @@ motions may carry it either way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import accumulate
 from math import radians
 from typing import TYPE_CHECKING
 
 from endolock.hw.api import ConfigError
+from endolock.twin.world import mid_run
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.motion import BoardMotion, Circle, Random, Sine, Strokes, Triangle
 from endolock.twin.world.scenario_sections import (
@@ -36,7 +38,7 @@ CLEARANCE_M = 0.002
 WANDER = 4.0
 """Largest displacement of a random motion over its rms [1]: beyond it in 1 of 16,000 moments."""
 MOST = 100
-"""Most motions, or shaft changes, or pushes, or occluders [1]. Assumed."""
+"""Most entries of a list, such as motions, pushes or occluders [1]. Assumed."""
 
 
 def check(scenario: Scenario) -> None:
@@ -45,7 +47,7 @@ def check(scenario: Scenario) -> None:
     Raises:
         ConfigError: some of them contradict each other.
     """
-    for name in ("motion", "shaft", "push", "occluder"):
+    for name in ("motion", "shaft", "push", "occluder", "change", "video_gap"):
         if (count := len(getattr(scenario, name))) > MOST:
             raise ConfigError(f"{name}: {count} entries, wanted up to {MOST}", "use fewer")
     if scenario.scored_from_s >= scenario.duration_s:
@@ -125,13 +127,30 @@ def _check_occluders(board: Board, occluders: Sequence[Occluder]) -> None:
 
 
 def check_shaft(scenario: Scenario, instrument: Instrument) -> None:
-    """Check tension and friction of the wires at all bends of the shaft.
+    """Check tension and friction of the wires at all bends of the shaft, and after all changes.
 
     Raises:
         ConfigError: a wire would break, or not move.
     """
-    for bend_deg in _bends_deg(scenario):
-        instrument.check_at(radians(bend_deg))
+    for rubbing in with_friction(scenario, instrument):
+        for bend_deg in _bends_deg(scenario):
+            rubbing.check_at(radians(bend_deg))
+
+
+def with_friction(scenario: Scenario, instrument: Instrument) -> list[Instrument]:
+    """Return an instrument, and what it becomes as each change gives it another friction.
+
+    Raises:
+        ConfigError: its friction would be out of range.
+    """
+    return [
+        replace(
+            instrument,
+            conduit_friction=times * instrument.conduit_friction,
+            section_friction=times * instrument.section_friction,
+        )
+        for times in mid_run.frictions(scenario.change)
+    ]
 
 
 def _check_bends(scenario: Scenario) -> None:

@@ -6,6 +6,7 @@ from math import pi, radians, sin
 
 from endolock.hw.api import Vector
 from endolock.twin.randomness import generator
+from endolock.twin.world import mid_run
 from endolock.twin.world.motion import Offset, Random
 from endolock.twin.world.scenario import Scenario
 from endolock.twin.world.scenario_sections import Shaft
@@ -18,7 +19,7 @@ class Course:
     """State of the surroundings at any time t >= 0, in any order; queries have no side effects.
 
     Args:
-        scenario: its motions, shaft changes, pushes and occluders are used.
+        scenario: its motions, shaft changes, pushes, occluders and changes of friction are used.
         seed: seed of the random motions, >= 0.
     """
 
@@ -38,6 +39,9 @@ class Course:
         """Whether the shaft ever rolls."""
         self.pushes = bool(self._pushes)
         """Whether the tip is ever pushed."""
+        self._changes = mid_run.in_order(scenario.change)
+        self.rubs = any(change.friction_times is not None for change in self._changes)
+        """Whether the friction of the wires ever changes."""
 
     def board(self, t: float) -> Offset:
         """Displacement of the board (right, down) [m]."""
@@ -65,6 +69,10 @@ class Course:
         """Sum of the pushes on the tip [N]."""
         forces = [push.force(t) for push in self._pushes]
         return sum((f[0] for f in forces), 0.0), sum((f[1] for f in forces), 0.0), 0.0
+
+    def friction_times(self, t: float) -> float:
+        """Friction of the wires over that at the start [1]."""
+        return mid_run.value_at(self._changes, "friction_times", 1.0, t) if self.rubs else 1.0
 
     def occluders(self, t: float) -> tuple[Point, ...]:
         """Positions of the centres of the occluders [m]."""

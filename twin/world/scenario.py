@@ -1,6 +1,7 @@
 """Scenarios: what happens in a run, from a TOML file; all parts can be combined.
 
-Motion of board, shaft and occluders, pushes on the tip, settings of camera and pose tracker.
+Motion of board, shaft and occluders, pushes on the tip, settings of camera and pose tracker, and
+what changes during the run.
 `playback.Course` evaluates them at a given time.
 """
 
@@ -16,6 +17,7 @@ from endolock.hw import files
 from endolock.hw.api import ConfigError
 from endolock.hw.strict import Strict, bounded, shown
 from endolock.twin.world import joint_conditions
+from endolock.twin.world.mid_run import Change, VideoGap
 from endolock.twin.world.motion import KINDS, BoardMotion
 from endolock.twin.world.scenario_sections import (
     Board,
@@ -78,6 +80,10 @@ class Scenario(Strict):
     """Forces on the tip; they add up."""
     occluder: tuple[Occluder, ...] = ()
     """Plates between tip and board."""
+    change: tuple[Change, ...] = ()
+    """Changes of the video chain and of the wires' friction, in the order in which they start."""
+    video_gap: tuple[VideoGap, ...] = ()
+    """Times in which no frame arrives."""
     camera: CameraSettings = CameraSettings()
     tracker: PoseTrackerSettings | None = None
     """Pose tracker of the tip; without this section there is none."""
@@ -100,7 +106,13 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "camera": CameraSettings,
     "tracker": PoseTrackerSettings,
 }
-LISTS: dict[str, type[BaseModel]] = {"shaft": Shaft, "push": Push, "occluder": Occluder}
+LISTS: dict[str, type[BaseModel]] = {
+    "shaft": Shaft,
+    "push": Push,
+    "occluder": Occluder,
+    "change": Change,
+    "video_gap": VideoGap,
+}
 """Tables such as [board], and arrays of tables such as [[shaft]]; for [[motion]] see
 `motion.KINDS`."""
 

@@ -18,11 +18,12 @@ _Place = Annotated[float, bounded(-2, 2, "m", hint=_METRES)]
 _Distance = Annotated[float, bounded(0.005, 1.5, "m", hint=_METRES)]
 _Factor = Annotated[float, bounded(0, 4)]
 _Share = Annotated[float, bounded(0, 1)]
-_Lost = Annotated[float, bounded(0, 0.999)]
+Lost = Annotated[float, bounded(0, 0.999)]
 LARGEST_BEND_DEG = 1080
 """Largest bend of the shaft [deg]: three loops. Assumed."""
 ShaftBend = Annotated[float, bounded(-LARGEST_BEND_DEG, LARGEST_BEND_DEG, "deg")]
-_Latency = Annotated[float, bounded(0, 5, "s", hint="give seconds")]
+Latency = Annotated[float, bounded(0, 5, "s", hint="give seconds")]
+Jitter = Annotated[float, bounded(0, 1, "s", hint="give seconds")]
 
 LARGEST_PICTURE_PX = 3840 * 2160
 """Most pixels of a delivered picture [1]: 4K, the largest of endoscopes."""
@@ -123,16 +124,16 @@ class CameraSettings(Strict):
     """Quality at which every frame is JPEG-coded and decoded; 0 for no coding. Assumed."""
     frame_rate_hz: Annotated[float, bounded(0.1, 200, "Hz")] = 25.0
     """Exposures per second [Hz]. Assumed."""
-    latency_s: _Latency = 0.4
+    latency_s: Latency = 0.4
     """Exposure to delivery [s]. Source: 0.4 s loop latency, thesis ch. 7; all of it in the video
     chain: assumed."""
-    nominal_latency_s: _Latency | None = None
+    nominal_latency_s: Latency | None = None
     """Latency from which the camera computes the time of exposure [s]; the true one if None."""
-    jitter_s: Annotated[float, bounded(0, 1, "s", hint="give seconds")] = 0.0
+    jitter_s: Jitter = 0.0
     """Half width of the uniform variation of the latency [s]. Assumed."""
-    drop_fraction: _Lost = 0.0
+    drop_fraction: Lost = 0.0
     """Share of the frames that never arrive [1]. Assumed."""
-    repeat_fraction: _Lost = 0.0
+    repeat_fraction: Lost = 0.0
     """Share of the frames that are replaced by a copy of the previous one [1]. Assumed."""
 
     truth_noise_px: Annotated[float, bounded(0, 100, "px")] = 0.0
@@ -179,13 +180,13 @@ class PoseTrackerSettings(Strict):
 
     rate_hz: Annotated[float, bounded(0.1, 1000, "Hz")] = 100.0
     """Poses per second [Hz]. Assumed."""
-    latency_s: _Latency = 0.010
+    latency_s: Latency = 0.010
     """Exposure to delivery [s]. Assumed: one period."""
     position_noise_m: Annotated[float, bounded(0, 0.1, "m", hint=_METRES)] = 0.0002
     """Standard deviation along each axis [m]. Assumed."""
     rotation_noise_deg: Annotated[float, bounded(0, 30, "deg")] = 0.05
     """Standard deviation about each axis [deg]. Assumed."""
-    drop_fraction: _Lost = 0.0
+    drop_fraction: Lost = 0.0
     """Share of the poses that never arrive [1]. Assumed."""
 
 

@@ -44,6 +44,8 @@ OTHER: dict[str, Any] = {
     "occluder": [
         {"size_m": [0.9, 0.9], "distance_m": 0.06, "position_m": [0, 0], "to_m": [0, 0], **STILL}
     ],
+    "change": [{"friction_times": 3.0, "start_s": 0.0, "over_s": 0.1}],
+    "video_gap": [{"start_s": 0.3, "over_s": 0.3}],
     "board.distance_m": 0.1,
     "board.depth_travel_m": 0.04,
     "board.depth_period_s": 1.0,
@@ -278,6 +280,7 @@ def test_what_has_no_effect_is_refused_by_name(rig: str, vision: str) -> None:
 
 
 TRUTH = {"vision": "truth"}
+RUBBING = "change=[{start_s=1, over_s=1, friction_times=2.0}]"
 
 
 @pytest.mark.parametrize(
@@ -292,6 +295,18 @@ TRUTH = {"vision": "truth"}
         (["jump"], {}, "jump: motion.0 starts at 60 s, after the end at 25 s; use a longer"),
         (["jump"], {"duration_s": 60.0}, "motion.0 starts at 60 s, after the end at 60 s"),
         (["shaft_rolls"], {"duration_s": 30.0}, "shaft.0 starts at 60 s, after the end at 30 s"),
+        (
+            ["change=[{start_s=9, over_s=1, jitter_s=0.1}]"],
+            {"duration_s": 9.0},
+            "change.0 starts at 9 s, after the end at 9 s",
+        ),
+        (
+            ["video_gap=[{start_s=9, over_s=1}]"],
+            {"duration_s": 8.0},
+            "video_gap.0 starts at 9 s, after the end at 8 s",
+        ),
+        ([RUBBING], {"rig": "dead_zone"}, "change has no effect here; it needs .*friction"),
+        ([RUBBING, "no_hysteresis"], {}, "change has no effect here; it needs .*friction"),
         (["occlusions"], {"duration_s": 5.0}, "occluder.0 starts at 5 s, after the end at 5 s"),
         (
             ["motion=[{kind='jump', travel_m=0.1, start_s=9, over_s=1}]"],

@@ -31,6 +31,7 @@ PLATE = {
 BEND = {"kind": "bend", "start_s": 1, "over_s": 1, "by_deg": 500}
 RANDOM = {"kind": "random", "cutoff_hz": 0.3}
 MANY = 101 * [STROKE]
+GAP = {"start_s": 1, "over_s": 1}
 
 
 @pytest.mark.parametrize(
@@ -57,6 +58,11 @@ MANY = 101 * [STROKE]
         ),
         ({"shaft": [BEND, BEND]}, "its bend add up to 1180 deg, wanted -1080 to 1080 deg"),
         ({"scored_from_s": 25}, "scored_from_s 25 is not before the end at 25 s"),
+        ({"video_gap": 101 * [GAP]}, "video_gap: 101 entries, wanted up to 100"),
+        ({"change": [GAP]}, "change.0: changes nothing; give one of latency_s, nominal_lat"),
+        ({"change": [{**GAP, "friction_times": -1}]}, "friction_times: got -1, wanted 0 to 10"),
+        ({"change": [{**GAP, "latency_s": 6}]}, "change.0.latency_s: got 6 s, wanted 0 to 5 s"),
+        ({"change": [{**GAP, "jitter": 0.1}]}, "did you mean change.0.jitter_s?"),
         ({"motion": MANY}, "motion: 101 entries, wanted up to 100"),
         (
             {"motion": [{**RANDOM, "speed_rms_m_s": 2, "cutoff_hz": 0.001}]},

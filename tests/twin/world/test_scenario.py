@@ -94,7 +94,8 @@ def test_every_scenario_has_a_summary_and_its_events_start_in_time(name: str) ->
     assert loaded.summary
     assert len(loaded.summary) <= 100  # one line
     jumps = [motion for motion in loaded.motion if isinstance(motion, Event)]
-    for event in (*jumps, *loaded.shaft, *loaded.push, *loaded.occluder):
+    events = (*loaded.shaft, *loaded.push, *loaded.occluder, *loaded.change, *loaded.video_gap)
+    for event in (*jumps, *events):
         assert 0 < event.start_s < event.start_s + event.over_s <= loaded.duration_s
 
 
