@@ -1,0 +1,234 @@
+"""Periodic motion of the target: a period per axis with overtones, searched for in slices.
+
+A round takes the places of the last half minute, fits every candidate period by weighted least
+squares, a few per tick, refines the best few of each axis together with their period (Gauss-Newton)
+and publishes, of those that fit equally well, the shortest: the multiples of a period fit as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+
+import numpy as np
+
+from endolock.control.predictive.place_history import WINDOW_S, PlaceHistory
+from endolock.control.transmission.kinematics import Pair
+from endolock.hw.api import Vector
+
+OVERTONES = 3
+"""Number of harmonics, the fundamental included."""
+PERIODS_S = np.concatenate(
+    [1 / np.arange(1.42, 0.30, -0.012), np.geomspace(1 / 0.30, WINDOW_S, 56)]
+)
+"""Candidate periods [s], short ones first: heartbeat to a slow circle. Neighbours differ by a
+quarter of a cycle over the window, or by 4 %."""
+LEAST_S = 4.0
+"""Shortest past that is fitted [s]."""
+POINTS = 250
+"""Largest number of places fitted; of more, every second, third, ... is used."""
+CYCLES = 1.15
+"""Number of periods that the past must hold [1]. Assumed: a little more than one."""
+AS_GOOD = 1.5
+"""Ratio of residuals up to which a period counts as equal to the best."""
+PER_TICK = 5
+"""Number of candidate periods fitted per tick: a round takes a second at most."""
+REFINED = 4
+"""Number of candidates per axis that are refined."""
+FASTEST = 0.03
+"""Largest change of a period in one refinement [1]. Assumed: less than between candidates."""
+OFFSET_S = 0.25
+"""Time constant of the mean error of the fit in the newest places [s]. Assumed."""
+
+
+class Fit:
+    """Mean, period and overtones of one axis, and the recent mean error."""
+
+    def __init__(self, period_s: float, weights: Vector, since_s: float) -> None:
+        self.period_s = period_s
+        """Period [s]."""
+        self._weights = weights.tolist()
+        self._since = since_s
+        self.missed = 0.0
+        """Mean error of the fit in the newest places [rad]."""
+
+    def curve(self, t: float) -> float:
+        """Return the fitted curve [rad]."""
+        phase = 2 * pi * (t - self._since) / self.period_s
+        w = self._weights
+        value = w[0]
+        for k in range(1, OVERTONES + 1):
+            value += w[2 * k - 1] * cos(k * phase) + w[2 * k] * sin(k * phase)
+        return float(value)
+
+    def at(self, t: float) -> float:
+        """Predict the place [rad]."""
+        return self.curve(t) + self.missed
+
+    def see(self, dt: float, t: float, place: float) -> None:
+        """Correct the mean error with a new place."""
+        self.missed += min(1.0, dt / OFFSET_S) * (place - self.curve(t) - self.missed)
+
+    def move(self, by: float) -> None:
+        """Add a constant to the curve."""
+        self._weights[0] += by
+
+
+class PeriodSearch:
+    """Fits of both axes, renewed by rounds of search."""
+
+    def __init__(self) -> None:
+        self.fits: list[Fit | None] = [None, None]
+        """Present fit of each axis; None while no period is known."""
+        self._round: Iterator[None] | None = None
+        self._t: float | None = None
+        self._moved = np.zeros(2)
+
+    def update(self, past: PlaceHistory, variance: Pair) -> None:
+        """Add the newest place of the past, and start a round if none is running."""
+        t = float(past.times[-1])
+        for fit, place in zip(self.fits, past.places[:, -1].tolist(), strict=True):
+            if fit and self._t is not None:
+                fit.see(t - self._t, t, place)
+        self._t = t
+        if self._round is None and t - past.times[0] >= LEAST_S:
+            self._round = self._search(past, variance)
+
+    def work(self) -> None:
+        """Do one slice of the search."""
+        if self._round is not None:
+            next(self._round, None)
+
+    def move(self, by: Pair) -> None:
+        """Add a constant to all the past."""
+        self._moved += by
+        for fit, shift in zip(self.fits, by, strict=True):
+            if fit:
+                fit.move(shift)
+
+    def rewrite(self, past: PlaceHistory) -> None:
+        """Fit a replaced past with the present periods; the search starts again."""
+        self._round = None
+        times, places, trust = _sample(past)
+        for axis, fit in enumerate(self.fits):
+            if fit:
+                _, weights, _ = _refined(times, places[axis], trust, fit.period_s, 0)
+                self._publish(past, axis, fit.period_s, weights, float(past.times[-1]))
+
+    def _search(self, past: PlaceHistory, variance: Pair) -> Iterator[None]:
+        times, places, trust = _sample(past)
+        end, self._moved = float(past.times[-1]), np.zeros(2)
+        longest = -float(times[0]) / CYCLES
+        periods = PERIODS_S[longest > PERIODS_S]
+        left = []
+        for n in range(0, len(periods), PER_TICK):
+            left.append(_residuals(times, places, trust, periods[n : n + PER_TICK]))
+            yield
+        residuals = np.concatenate(left)
+        for axis in range(2):
+            tried = []
+            fit = self.fits[axis]
+            starts = _minima(residuals[:, axis], periods)
+            if fit:
+                starts.append(fit.period_s)
+            for start in starts:
+                tried.append(_refined(times, places[axis], trust, start, 2))
+                yield
+            floor = variance[axis] * float(trust.sum())
+            usable = [one for one in tried if one[0] * CYCLES < -times[0]]
+            if usable:
+                least = min(one[2] for one in usable)
+                good = [one for one in usable if one[2] <= AS_GOOD * least + 0.1 * floor + 1e-12]
+                shortest = min(one[0] for one in good)
+                near = [one for one in good if one[0] <= 1.1 * shortest]
+                period, weights, _ = min(near, key=lambda one: one[2])
+                weights[0] += self._moved[axis]
+                self._publish(past, axis, period, weights, end)
+            yield
+        self._round = None
+
+    def _publish(
+        self, past: PlaceHistory, axis: int, period: float, weights: Vector, since_s: float
+    ) -> None:
+        fit = Fit(period, weights, since_s)
+        recent = np.flatnonzero(past.times > past.times[-1] - 3 * OFFSET_S)
+        before = float(past.times[recent[0]])
+        for n in recent.tolist():
+            t = float(past.times[n])
+            fit.see(t - before, t, float(past.places[axis, n]))
+            before = t
+        self.fits[axis] = fit
+
+
+def _sample(past: PlaceHistory) -> tuple[Vector, Vector, Vector]:
+    """Times relative to the newest [s], places, and weights that forget the start."""
+    every = len(past.times) // POINTS + 1
+    times = past.times[::-1][::every][::-1]
+    times = times - past.times[-1]
+    places = past.places[:, ::-1][:, ::every][:, ::-1].copy()
+    return times, places, np.exp(2 * times / WINDOW_S)
+
+
+def _waves(times: Vector, periods: Vector) -> Vector:
+    """1, cosines and sines of every period, (periods, times, 1 + 2 OVERTONES)."""
+    first = np.exp(2j * pi * times / periods[:, None])
+    waves = np.empty((*first.shape, 1 + 2 * OVERTONES))
+    waves[..., 0] = 1.0
+    power = first
+    for k in range(OVERTONES):
+        waves[..., 2 * k + 1], waves[..., 2 * k + 2] = power.real, power.imag
+        power = power * first
+    return waves
+
+
+def _residuals(times: Vector, places: Vector, trust: Vector, periods: Vector) -> Vector:
+    """Weighted sums of squares that each period leaves on each axis, (periods, 2)."""
+    waves = _waves(times, periods)
+    weighted = (waves * trust[:, None]).swapaxes(1, 2)
+    middle = (places @ trust / trust.sum())[:, None]
+    apart = places - middle
+    gram = weighted @ waves
+    moments = weighted @ apart.T
+    gram += 1e-6 * trust.sum() * np.eye(gram.shape[-1])
+    found = np.linalg.solve(gram, moments)
+    left: Vector = (trust * apart**2).sum(axis=1) - (moments * found).sum(axis=1)
+    return np.maximum(left, 0.0)
+
+
+def _minima(residuals: Vector, periods: Vector) -> list[float]:
+    """Periods of the lowest local minima."""
+    padded = np.concatenate([[np.inf], residuals, [np.inf]])
+    lower = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] < padded[2:])
+    places = np.flatnonzero(lower)
+    best = places[np.argsort(residuals[places])[:REFINED]]
+    found: list[float] = periods[best].tolist()
+    return found
+
+
+def _refined(
+    times: Vector, places: Vector, trust: Vector, period: float, steps: int
+) -> tuple[float, Vector, float]:
+    """Refine a period by Gauss-Newton; return it, the weights, and the sum of squares left."""
+    orders = np.arange(1, OVERTONES + 1)
+    size = 1 + 2 * OVERTONES
+    ridge = 1e-6 * trust.sum() * np.eye(size)
+    for step in range(steps + 1):
+        waves = _waves(times, np.array([period]))[0]
+        weighted = (waves * trust[:, None]).T
+        middle = float(places @ trust / trust.sum())
+        weights = np.linalg.solve(weighted @ waves + ridge, weighted @ (places - middle))
+        off = places - middle - waves @ weights
+        if step == steps:
+            break
+        # d/dlog(period) of cos(k w t) is k w t sin(k w t); the waves are projected out of it.
+        swing = waves[:, 2::2] @ (orders * weights[1::2]) - waves[:, 1::2] @ (
+            orders * weights[2::2]
+        )
+        slope = 2 * pi / period * times * swing
+        slope -= waves @ np.linalg.solve(weighted @ waves + ridge, weighted @ slope)
+        steep = float((trust * slope**2).sum())
+        if steep > 0:
+            by = float((trust * slope * off).sum()) / steep
+            period *= 1 + min(max(by, -FASTEST), FASTEST)
+    weights[0] += middle
+    return period, weights, float((trust * off**2).sum())

@@ -1,0 +1,184 @@
+"""Prediction of the target by linear regression on its recent past.
+
+Of the place x at a time s, with means m_k of the past in intervals that end at s, the displacement
+x(s + h) - x(s) is regressed on m_k - x(s), x(s) and a constant, per axis, by least squares with a
+ridge, in which older rows count exponentially less. One Gram matrix serves all horizons h. Noise in
+the places shrinks the weights as much as is best for prediction from places as noisy; without
+anything to learn the target is predicted to stay.
+
+Reference:
+    The least-squares predictor tends to the Wiener filter of its taps: P. Whittle, Prediction and
+    Regulation by Linear Least-Square Methods, 1983.
+"""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+
+from endolock.control.predictive.place_history import PlaceHistory
+from endolock.control.transmission.kinematics import Pair
+from endolock.hw.api import Vector
+
+STEP_S = 0.04
+"""Spacing of the interpolated past [s]: 25 frames per second."""
+WIDTHS = (1, 1, 1, 1, 2, 2, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4)
+"""Widths of the intervals, the newest first, in steps. Assumed: 0.16 s, finer near now."""
+HORIZON_STEP_S = 0.15
+"""Spacing of the horizons that are fitted [s]: a fifth of a heartbeat."""
+MEMORY_S = 30.0
+"""Time constant with which rows are forgotten [s]. Assumed: three periods of slow strokes."""
+RIDGE, RIDGE_OF_ERROR = 3.0, 20.0
+"""Ridge, in variances of a place and in mean squared errors of the predictions [1]. Assumed:
+weights are about 1 at most, and the errors of a dozen neighbouring rows are one and the same."""
+JUDGED_S = 5.0
+"""Time constant of the mean squared error [s]."""
+FIRST_RAD = 0.05
+"""Error that is expected at least in the first second [rad]. Assumed."""
+SCALE_RAD = 0.1
+"""The constant regressor [rad]: of the size of the others, since they share a ridge."""
+PREVIEW_S = 0.35
+"""Time after the horizon that is predicted, too [s]."""
+
+_STEPS = sum(WIDTHS)
+SPAN_S = _STEPS * STEP_S
+"""Length of the past regressed on [s]."""
+_PAST = -STEP_S * np.arange(1, _STEPS + 1)
+_MEANS = np.zeros((_STEPS, len(WIDTHS)))
+for _k, _width in enumerate(WIDTHS):
+    _MEANS[sum(WIDTHS[:_k]) : sum(WIDTHS[: _k + 1]), _k] = 1 / _width
+_COUNT = len(WIDTHS) + 2
+
+
+class PlaceRegression:
+    """Regression of both axes, each with its own weights."""
+
+    def __init__(self) -> None:
+        self._ahead = np.array([0.0])
+        self._gram = np.zeros((2, _COUNT, _COUNT))
+        self._moments = np.zeros((2, _COUNT, 1))
+        self._rows = 0.0
+        self._waiting: list[float] = []
+        self._t = 0.0
+        self._origin: Vector | None = None
+        self._path: list[list[float]] | None = None
+        self._weights: Vector | None = None
+        self._variance = np.zeros(2)
+        self._missed = np.zeros(2)
+        self._judged = 0
+
+    def update(self, past: PlaceHistory, t: float, variance: Pair, horizon_s: float) -> None:
+        """Learn from the rows that became complete, and predict from the newest place.
+
+        Args:
+            past: all places, that of `t` included.
+            t: time of the newest place [s].
+            variance: its variance on each axis [rad2].
+            horizon_s: time ahead that will be asked for [s].
+        """
+        if self._origin is None:
+            self._origin = past.places[:, -1].copy()
+        steps = int(np.ceil((horizon_s + PREVIEW_S) / HORIZON_STEP_S - 1e-9)) + 1
+        if steps > len(self._ahead):
+            self._ahead = HORIZON_STEP_S * np.arange(steps)
+            self.relearn(past)
+        dt = t - self._t if self._rows else 0.0
+        self._variance = np.array(variance)
+        forget = exp(-dt / MEMORY_S)
+        self._gram *= forget
+        self._moments *= forget
+        self._rows *= forget
+        self._t = t
+        self._waiting.append(t)
+        reach = float(self._ahead[-1]) + STEP_S
+        while self._waiting and self._waiting[0] + reach <= t:
+            anchor = self._waiting.pop(0)
+            if past.since_s <= anchor - SPAN_S:
+                self._learn(past, np.array([anchor]), np.array([1.0]), dt)
+        self._predict(past, t)
+
+    def relearn(self, past: PlaceHistory) -> None:
+        """Learn from the whole past again, from every fourth place."""
+        shape = len(self._ahead)
+        self._gram = np.zeros((2, _COUNT, _COUNT))
+        self._moments = np.zeros((2, _COUNT, shape))
+        self._rows, self._path, self._weights = 0.0, None, None
+        times = past.times
+        if not len(times):
+            return
+        end, reach = times[-1], self._ahead[-1] + STEP_S
+        complete = (times >= past.since_s + SPAN_S) & (times <= end - reach)
+        anchors = times[complete][::4]
+        self._t = float(end)
+        self._waiting = times[times > end - reach].tolist()
+        if len(anchors):
+            self._learn(past, anchors, 4 * np.exp((anchors - end) / MEMORY_S))
+
+    def ahead(self, axis: int, dt: float) -> float | None:
+        """Predict the place of an axis a time after the newest one [rad]; None if not learnt."""
+        if self._path is None:
+            return None
+        path = self._path[axis]
+        where = min(dt / HORIZON_STEP_S, len(path) - 1.0)
+        n = min(int(where), len(path) - 2)
+        u = where - n
+        one, two = path[n], path[n + 1]
+        before = path[n - 1] if n else 2 * one - two
+        after = path[n + 2] if n + 2 < len(path) else 2 * two - one
+        slope, end_slope = (two - before) / 2, (after - one) / 2
+        bow, end_bow = slope - (two - one), (two - one) - end_slope
+        return one + u * (two - one) + u * (1 - u) * ((1 - u) * bow + u * end_bow)
+
+    def move(self, by: Pair) -> None:
+        """Add a constant to all the past."""
+        if self._origin is not None:
+            self._origin += by
+        if self._path is not None:
+            self._path = [[x + d for x in path] for path, d in zip(self._path, by, strict=True)]
+
+    def _regressors(self, past: PlaceHistory, anchors: Vector) -> tuple[Vector, Vector]:
+        """Regressors (2, rows, count) and places (2, rows) at times."""
+        assert self._origin is not None
+        rows = len(anchors)
+        times = (anchors[:, None] + np.concatenate([[0.0], _PAST])).ravel()
+        places = past.at(times).reshape(2, rows, _STEPS + 1)
+        now = places[:, :, 0]
+        found = np.empty((2, rows, _COUNT))
+        found[:, :, 2:] = places[:, :, 1:] @ _MEANS - now[:, :, None]
+        found[:, :, 0] = SCALE_RAD
+        found[:, :, 1] = now - self._origin[:, None]
+        return found, now
+
+    def _learn(
+        self, past: PlaceHistory, anchors: Vector, trust: Vector, dt: float | None = None
+    ) -> None:
+        regressors, now = self._regressors(past, anchors)
+        later = anchors[:, None] + self._ahead
+        later[:, 0] = anchors + STEP_S  # the neighbours: a smoothed place, of other noise
+        places = past.at(later.ravel()).reshape(2, len(anchors), -1)
+        before = past.at(anchors - STEP_S)
+        places[:, :, 0] = (places[:, :, 0] + before) / 2
+        moved = places - now[:, :, None]
+        if dt is not None and self._weights is not None:
+            self._judged += 1
+            off = (moved - regressors @ self._weights)[:, 0, -3]
+            self._missed += max(1 / self._judged, dt / JUDGED_S) * (off**2 - self._missed)
+        weighted = (regressors * trust[:, None]).swapaxes(1, 2)
+        self._gram += weighted @ regressors
+        self._moments += weighted @ moved
+        self._rows += float(trust.sum())
+
+    def _predict(self, past: PlaceHistory, t: float) -> None:
+        if self._rows < 1 or past.since_s > t - SPAN_S:
+            self._path = None
+            return
+        ridge = np.zeros((2, _COUNT, _COUNT))
+        diagonal = np.einsum("aii->ai", ridge)
+        early = FIRST_RAD if self._judged * STEP_S < 1 else 0.0
+        missed = np.maximum(self._missed, early**2)
+        diagonal[...] = (RIDGE * self._variance + RIDGE_OF_ERROR * missed)[:, None] + 1e-9
+        weights: Vector = np.linalg.solve(self._gram + ridge, self._moments)
+        self._weights = weights
+        regressors, now = self._regressors(past, np.array([t]))
+        self._path = (now + (regressors @ weights)[:, 0]).tolist()

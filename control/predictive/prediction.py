@@ -1,0 +1,259 @@
+"""Prediction of the target on both axes, each by a blend of predictors of its own.
+
+The predictors of an axis: it stays (a random walk); it continues at its velocity, estimated slowly
+and quickly; a regression on its recent past; a periodic curve with overtones; and the place one
+period ago. They are blended by their errors out of sample (see `prediction_blend`), and none moves
+the target further than it was seen to move within the horizon.
+
+Example:
+    prediction = TargetPrediction(
+        walk_density=0.02, densities=(0.02, 0.5), harmonic=True, regression=True
+    )
+    prediction.update(t, place, variance, horizon_s=0.48)  # at each frame
+    prediction.work()  # in each control period
+    ahead = prediction.at(t + 0.48)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, sqrt
+
+import numpy as np
+
+from endolock.control.predictive.axis_filters import AxisFilter
+from endolock.control.predictive.period_search import PeriodSearch
+from endolock.control.predictive.place_history import GAP_S, PlaceHistory
+from endolock.control.predictive.place_regression import PREVIEW_S, PlaceRegression
+from endolock.control.predictive.prediction_blend import PredictionBlend
+from endolock.control.transmission.kinematics import Pair
+from endolock.hw.api import Vector
+
+REACH = 1.5
+"""Largest predicted displacement, in the largest seen within a horizon [1]. Assumed: the target may
+speed up by half."""
+REACH_MEMORY_S = 30.0
+"""Time constant with which the largest displacement is forgotten [s]. Assumed."""
+REPEATED_S = 0.08 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+"""Times around one period ago whose places are averaged [s]: five frames."""
+RESTART_S = 6.0
+"""Length of the past that restarts a filter when the past is replaced [s]."""
+
+
+class TargetPrediction:
+    """Blended prediction of both axes.
+
+    Args:
+        walk_density: spectral density of the random walk [rad2/s].
+        densities: spectral density of the acceleration for each predictor of constant velocity
+            [rad2/s3].
+        harmonic: whether periodic motion is searched for.
+        regression: whether the place is regressed on the past.
+    """
+
+    def __init__(
+        self,
+        *,
+        walk_density: float,
+        densities: Sequence[float],
+        harmonic: bool,
+        regression: bool,
+    ) -> None:
+        self._filters = [
+            [AxisFilter(walk_density, still=True), *(AxisFilter(q) for q in densities)]
+            for _ in range(2)
+        ]
+        self._periods = PeriodSearch() if harmonic else None
+        self._regression = PlaceRegression() if regression else None
+        self._names = ["stays", *(f"velocity_{n + 1}" for n in range(len(densities)))]
+        self._names += ["regression"] if regression else []
+        self._names += ["harmonic", "repeats"] if harmonic else []
+        start = sqrt(walk_density)  # of a random walk in one second
+        self._blends = [PredictionBlend(len(self._names), start) for _ in range(2)]
+        self._past = PlaceHistory()
+        self._t: float | None = None
+        self._horizon = 0.0
+        self._reach = [0.0, 0.0]
+        self._said: list[_Said] = []
+        self._usable = [[True] * len(self._names) for _ in range(2)]
+        self._repeat_off = [0.0, 0.0]
+
+    @property
+    def error_rad(self) -> Pair:
+        """Expected rms error of `at` at the horizon on each axis, out of sample [rad]."""
+        first, second = self._blends
+        return first.error_rad, second.error_rad
+
+    @property
+    def weights(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Share of each predictor in the blend of each axis, of sum 1."""
+        first, second = (
+            dict(zip(self._names, blend.shares, strict=True)) for blend in self._blends
+        )
+        return first, second
+
+    def update(self, t: float, place: Pair, variance: Pair, horizon_s: float) -> None:
+        """Add one measured place; one that is not newer than the others is ignored.
+
+        Args:
+            t: exposure time [s].
+            place: place of the target [rad].
+            variance: variance of the measurement on each axis [rad2].
+            horizon_s: time ahead that predictions will be asked for [s].
+        """
+        before = self._t
+        if before is not None and t <= before:
+            return
+        self._past.add(t, place)
+        self._t, self._horizon = t, horizon_s
+        dt = t - before if before is not None else 0.0
+        for filters, seen, squared in zip(self._filters, place, variance, strict=True):
+            for one in filters:
+                one.update(t, seen, squared)
+        moved = np.abs(self._past.at(np.array([t - horizon_s]))[:, 0] - np.array(place)).tolist()
+        fade = exp(-dt / REACH_MEMORY_S)
+        self._reach = [max(fade * r, m) for r, m in zip(self._reach, moved, strict=True)]
+        if self._regression:
+            self._regression.update(self._past, t, variance, horizon_s)
+        if self._periods:
+            self._periods.update(self._past, variance)
+        self._judge(t, dt, variance)
+        self._find_repeats(t)
+        ahead = [self._each(axis, horizon_s) for axis in range(2)]
+        self._usable = [[x is not None for x in each] for each in ahead]
+        raw = [blend.weigh(each) for blend, each in zip(self._blends, ahead, strict=True)]
+        blended = [blend.blended(each) for blend, each in zip(self._blends, ahead, strict=True)]
+        self._said.append(_Said(t + horizon_s, ahead, blended, raw))
+
+    def at(self, t: float) -> Pair:
+        """Predict the place at a time, from that of the newest place on [rad]."""
+        if self._t is None:
+            return 0.0, 0.0
+        first, second = (
+            blend.blended(self._each(axis, t - self._t)) for axis, blend in enumerate(self._blends)
+        )
+        return first, second
+
+    def stays_at(self) -> Pair:
+        """Return the filtered newest place [rad]."""
+        first, second = (filters[0].place for filters in self._filters)
+        return first, second
+
+    def work(self) -> None:
+        """Do one slice of the search for periods; to be called in each control period."""
+        if self._periods:
+            self._periods.work()
+
+    def move(self, by: Pair) -> None:
+        """Add a constant to all the past [rad]; the errors stay the same."""
+        if self._t is None:
+            return
+        self._past.move(by)
+        for filters, shift in zip(self._filters, by, strict=True):
+            for one in filters:
+                one.place += shift
+        if self._regression:
+            self._regression.move(by)
+        if self._periods:
+            self._periods.move(by)
+        self._said = [said.moved(by) for said in self._said]
+
+    def rewrite(self, times: Sequence[float], places: Sequence[Pair], variance: Pair) -> None:
+        """Replace the past by places from another model of the tip; the errors are kept.
+
+        Args:
+            times: exposure times [s], increasing.
+            places: places of the target [rad].
+            variance: variance of the places on each axis [rad2].
+        """
+        if not times:
+            return
+        self._past.replace(np.array(times), np.array(places).T)
+        self._t = times[-1]
+        self._said = []  # made with the other model
+        recent = [n for n, t in enumerate(times) if t > times[-1] - RESTART_S]
+        for axis, filters in enumerate(self._filters):
+            for one in filters:
+                one.t = None
+                for n in recent:
+                    one.update(times[n], places[n][axis], variance[axis])
+        if self._regression:
+            self._regression.relearn(self._past)
+        if self._periods:
+            self._periods.rewrite(self._past)
+        self._find_repeats(times[-1])
+
+    def _judge(self, t: float, dt: float, variance: Pair) -> None:
+        """Compare the predictions for times up to now with what was measured."""
+        for blend in self._blends:
+            blend.fade(dt)
+        due = [said for said in self._said if said.t <= t]
+        self._said = [said for said in self._said if said.t > t]
+        if dt > GAP_S:
+            return  # nothing was measured at those times
+        for said in due:
+            seen = self._past.at(np.array([said.t]))[:, 0].tolist()
+            for axis, blend in enumerate(self._blends):
+                blend.judge(
+                    said.each[axis], said.blended[axis], said.raw[axis], seen[axis], variance[axis]
+                )
+
+    def _find_repeats(self, t: float) -> None:
+        """Find how far the newest places are from those of one period ago."""
+        if not self._periods:
+            return
+        for axis, fit in enumerate(self._periods.fits):
+            if fit:
+                newest = t + REPEATED_S - REPEATED_S[-1]
+                times = np.concatenate([newest, newest - fit.period_s])
+                now, then = self._axis_at(axis, times).reshape(2, -1).mean(axis=1).tolist()
+                self._repeat_off[axis] = now - then
+
+    def _axis_at(self, axis: int, times: Vector) -> Vector:
+        places: Vector = np.interp(times, self._past.times, self._past.places[axis])
+        return places
+
+    def _each(self, axis: int, dt: float) -> list[float | None]:
+        """Prediction of each predictor a time after the newest place [rad]; None without one."""
+        assert self._t is not None
+        filters = self._filters[axis]
+        near = min(dt, self._horizon + PREVIEW_S)  # in a gap, velocity ends there
+        each: list[float | None] = [one.ahead(near) for one in filters]
+        if self._regression:
+            each.append(self._regression.ahead(axis, near))
+        if self._periods:
+            fit = self._periods.fits[axis]
+            if fit is None:
+                each += [None, None]
+            else:
+                t = self._t + dt
+                each.append(fit.at(t))
+                then = t - fit.period_s
+                if self._t - fit.period_s + REPEATED_S[0] * 2 > self._past.times[0]:
+                    ago = float(self._axis_at(axis, then + REPEATED_S).mean())
+                    each.append(ago + self._repeat_off[axis])
+                else:
+                    each.append(None)
+        stays = filters[0].place
+        reach = REACH * self._reach[axis] * max(1.0, dt / max(self._horizon, 1e-3))
+        return [x if x is None else stays + min(max(x - stays, -reach), reach) for x in each]
+
+
+class _Said:
+    """Predictions made for a time: of each predictor, blended, and blended with g = 1."""
+
+    def __init__(
+        self, t: float, each: list[list[float | None]], blended: list[float], raw: list[float]
+    ) -> None:
+        self.t, self.each, self.blended, self.raw = t, each, blended, raw
+
+    def moved(self, by: Pair) -> _Said:
+        return _Said(
+            self.t,
+            [
+                [None if x is None else x + d for x in each]
+                for each, d in zip(self.each, by, strict=True)
+            ],
+            [x + d for x, d in zip(self.blended, by, strict=True)],
+            [x + d for x, d in zip(self.raw, by, strict=True)],
+        )

@@ -1,0 +1,142 @@
+"""Blend of several predictions of one axis by their errors out of sample.
+
+Every prediction is kept and compared with what was measured later. With C the mean products of the
+errors, which decay, the weights minimise w' C w over w >= 0, sum w = 1; a ridge keeps equally good
+predictors together, and one that was compared a few times only counts as worse than it was. The
+first predictor says that the target stays. The others move it only as far as that helped recently:
+
+    y = stays + g (w' x - stays),  g = mean((w' x - stays)(measured - stays)) / mean((...)^2)
+
+between 0 and 1, so that the blend falls back to it where prediction does not help.
+
+Reference:
+    J. M. Bates and C. W. J. Granger, The combination of forecasts, Operational Research Quarterly
+    20(4), 1969.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, sqrt
+
+import numpy as np
+
+from endolock.hw.api import Vector
+
+MEMORY_S = 6.0
+"""Time constant with which errors decay [s]. Assumed: one or two turns of the target."""
+LEAST = 10
+"""Number of comparisons before a predictor is used: 0.4 s."""
+NEW = 5.0
+"""Number of comparisons at which the error counts twice [1]: short records are lucky ones."""
+RIDGE = 0.05
+"""Part of each mean squared error that is added as if it was independent [1]. Assumed."""
+
+
+class PredictionBlend:
+    """Errors and weights of the predictors of one axis.
+
+    Args:
+        count: number of predictors; the first says that the target stays.
+        start_rad: expected error before the first comparison [rad].
+    """
+
+    def __init__(self, count: int, start_rad: float) -> None:
+        self.shares = [1.0] + [0.0] * (count - 1)
+        """Share of each predictor in the blend, of sum 1."""
+        self._sums = np.zeros((count, count))
+        self._counts = np.zeros((count, count))
+        self._helped = self._tried = 0.0
+        self._missed, self._judged = start_rad**2, 0.0
+        self._variance = 0.0
+        self._raw = [1.0] + [0.0] * (count - 1)
+
+    @property
+    def error_rad(self) -> float:
+        """Expected rms error of the blend at the horizon, without that of the measurement [rad]."""
+        least = 0.05 * self._missed  # an estimate of the noise is not exact
+        return sqrt(max(self._missed - self._variance, least))
+
+    def blended(self, predictions: Sequence[float | None]) -> float:
+        """Blend predictions [rad]; one that is missing counts as the first."""
+        stays = predictions[0]
+        assert stays is not None
+        moved = 0.0
+        for share, prediction in zip(self.shares, predictions, strict=True):
+            if share and prediction is not None:
+                moved += share * (prediction - stays)
+        return stays + moved
+
+    def fade(self, dt: float) -> None:
+        """Let all errors decay over a time [s]."""
+        keep = exp(-dt / MEMORY_S)
+        self._sums *= keep
+        self._counts *= keep
+        self._helped *= keep
+        self._tried *= keep
+        self._judged *= keep
+
+    def judge(
+        self, said: Sequence[float | None], blended: float, raw: float, seen: float, variance: float
+    ) -> None:
+        """Compare earlier predictions with what was measured at the time that they were for.
+
+        Args:
+            said: prediction of each [rad]; None where there was none.
+            blended: what `blended` gave then [rad].
+            raw: what `weigh` gave then [rad].
+            seen: measured place [rad].
+            variance: its variance [rad2].
+        """
+        stays = said[0]
+        assert stays is not None
+        errors = np.array([0.0 if x is None else x - seen for x in said])
+        known = np.array([x is not None for x in said], dtype=float)
+        self._sums += np.outer(errors, errors)
+        self._counts += np.outer(known, known)
+        self._helped += (raw - stays) * (seen - stays)
+        self._tried += (raw - stays) ** 2
+        self._judged += 1
+        part = 1 / self._judged
+        self._missed += part * ((blended - seen) ** 2 - self._missed)
+        self._variance += part * (variance - self._variance)
+
+    def weigh(self, predictions: Sequence[float | None]) -> float:
+        """Choose the shares of those that predict now; return their blend with g = 1 [rad]."""
+        counts = np.diagonal(self._counts)
+        usable = [
+            n for n, x in enumerate(predictions) if n == 0 or (x is not None and counts[n] >= LEAST)
+        ]
+        raw = np.zeros(len(predictions))
+        if counts[0] < LEAST or len(usable) == 1:
+            raw[0] = 1.0
+        else:
+            pick = np.ix_(usable, usable)
+            products = self._sums[pick] / np.maximum(self._counts[pick], 1e-9)
+            squared = np.diagonal(products)
+            doubt = RIDGE + NEW / counts[usable]
+            doubt[0] = RIDGE
+            raw[usable] = _least(products + np.diag(doubt * squared + 1e-14))
+        gain = min(max(self._helped / self._tried, 0.0), 1.0) if self._tried > 0 else 1.0
+        shares = gain * raw
+        shares[0] += 1 - gain
+        self.shares = shares.tolist()
+        stays = predictions[0]
+        assert stays is not None
+        return stays + sum(
+            w * (x - stays) for w, x in zip(raw.tolist(), predictions, strict=True) if x is not None
+        )
+
+
+def _least(products: Vector) -> Vector:
+    """Weights >= 0 of sum 1 that minimise w' C w: negative ones are left out, one round each."""
+    left = np.arange(len(products))
+    while True:
+        found: Vector = np.linalg.solve(products[np.ix_(left, left)], np.ones(len(left)))
+        found /= found.sum()
+        if found.min() >= 0 or len(left) == 1:
+            break
+        left = left[found > 0]
+    weights = np.zeros(len(products))
+    weights[left] = found
+    return weights
