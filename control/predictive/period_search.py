@@ -31,14 +31,22 @@ CYCLES = 1.15
 """Number of periods that the past must hold [1]. Assumed: a little more than one."""
 AS_GOOD = 1.5
 """Ratio of residuals up to which a period counts as equal to the best."""
-PER_TICK = 5
+PER_TICK = 4
 """Number of candidate periods fitted per tick: a round takes a second at most."""
+SPARSE_S = 3.0
+"""Periods above this are searched for in half the places [s]."""
+NOISE = 0.1
+"""Part of the variance of the places by which residuals may differ, too [1]."""
+RIDGE = 1e-6
+"""Ridge, in the number of places [1]: overtones that the past cannot tell apart stay small."""
 REFINED = 4
 """Number of candidates per axis that are refined."""
 FASTEST = 0.03
 """Largest change of a period in one refinement [1]. Assumed: less than between candidates."""
 OFFSET_S = 0.25
 """Time constant of the mean error of the fit in the newest places [s]. Assumed."""
+_SAME = np.eye(1 + 2 * OVERTONES)
+_ORDERS = np.arange(1, OVERTONES + 1)
 
 
 class Fit:
@@ -122,7 +130,9 @@ class PeriodSearch:
         periods = PERIODS_S[longest > PERIODS_S]
         left = []
         for n in range(0, len(periods), PER_TICK):
-            left.append(_residuals(times, places, trust, periods[n : n + PER_TICK]))
+            some = periods[n : n + PER_TICK]
+            sparse = 2 if some[0] > SPARSE_S else 1
+            left.append(_residuals(times[::sparse], places[:, ::sparse], trust[::sparse], some))
             yield
         residuals = np.concatenate(left)
         for axis in range(2):
@@ -134,11 +144,14 @@ class PeriodSearch:
             for start in starts:
                 tried.append(_refined(times, places[axis], trust, start, 2))
                 yield
-            floor = variance[axis] * float(trust.sum())
             usable = [one for one in tried if one[0] * CYCLES < -times[0]]
             if usable:
                 least = min(one[2] for one in usable)
-                good = [one for one in usable if one[2] <= AS_GOOD * least + 0.1 * floor + 1e-12]
+                good = [
+                    one
+                    for one in usable
+                    if one[2] <= AS_GOOD * least + NOISE * variance[axis] + 1e-12
+                ]
                 shortest = min(one[0] for one in good)
                 near = [one for one in good if one[0] <= 1.1 * shortest]
                 period, weights, _ = min(near, key=lambda one: one[2])
@@ -170,29 +183,30 @@ def _sample(past: PlaceHistory) -> tuple[Vector, Vector, Vector]:
 
 
 def _waves(times: Vector, periods: Vector) -> Vector:
-    """1, cosines and sines of every period, (periods, times, 1 + 2 OVERTONES)."""
-    first = np.exp(2j * pi * times / periods[:, None])
-    waves = np.empty((*first.shape, 1 + 2 * OVERTONES))
-    waves[..., 0] = 1.0
+    """1, cosines and sines of every period, (periods, 1 + 2 OVERTONES, times)."""
+    first = np.exp(2j * pi / periods[:, None] * times)
+    waves = np.empty((len(periods), 1 + 2 * OVERTONES, len(times)))
+    waves[:, 0] = 1.0
     power = first
     for k in range(OVERTONES):
-        waves[..., 2 * k + 1], waves[..., 2 * k + 2] = power.real, power.imag
-        power = power * first
+        waves[:, 2 * k + 1], waves[:, 2 * k + 2] = power.real, power.imag
+        if k + 1 < OVERTONES:
+            power = power * first
     return waves
 
 
 def _residuals(times: Vector, places: Vector, trust: Vector, periods: Vector) -> Vector:
-    """Weighted sums of squares that each period leaves on each axis, (periods, 2)."""
+    """Weighted mean squares that each period leaves on each axis, (periods, 2)."""
     waves = _waves(times, periods)
-    weighted = (waves * trust[:, None]).swapaxes(1, 2)
-    middle = (places @ trust / trust.sum())[:, None]
-    apart = places - middle
-    gram = weighted @ waves
+    weighted = waves * trust
+    apart = places - (places @ trust / trust.sum())[:, None]
+    gram = weighted @ waves.swapaxes(1, 2)
     moments = weighted @ apart.T
-    gram += 1e-6 * trust.sum() * np.eye(gram.shape[-1])
+    gram += RIDGE * trust.sum() * _SAME
     found = np.linalg.solve(gram, moments)
     left: Vector = (trust * apart**2).sum(axis=1) - (moments * found).sum(axis=1)
-    return np.maximum(left, 0.0)
+    mean: Vector = np.maximum(left, 0.0) / trust.sum()
+    return mean
 
 
 def _minima(residuals: Vector, periods: Vector) -> list[float]:
@@ -208,27 +222,24 @@ def _minima(residuals: Vector, periods: Vector) -> list[float]:
 def _refined(
     times: Vector, places: Vector, trust: Vector, period: float, steps: int
 ) -> tuple[float, Vector, float]:
-    """Refine a period by Gauss-Newton; return it, the weights, and the sum of squares left."""
-    orders = np.arange(1, OVERTONES + 1)
-    size = 1 + 2 * OVERTONES
-    ridge = 1e-6 * trust.sum() * np.eye(size)
+    """Refine a period by Gauss-Newton; return it, the weights, and the mean square left."""
+    ridge = RIDGE * trust.sum() * _SAME
+    middle = float(places @ trust / trust.sum())
     for step in range(steps + 1):
         waves = _waves(times, np.array([period]))[0]
-        weighted = (waves * trust[:, None]).T
-        middle = float(places @ trust / trust.sum())
-        weights = np.linalg.solve(weighted @ waves + ridge, weighted @ (places - middle))
-        off = places - middle - waves @ weights
+        weighted = waves * trust
+        gram = weighted @ waves.T + ridge
+        weights = np.linalg.solve(gram, weighted @ (places - middle))
+        off = places - middle - weights @ waves
         if step == steps:
             break
         # d/dlog(period) of cos(k w t) is k w t sin(k w t); the waves are projected out of it.
-        swing = waves[:, 2::2] @ (orders * weights[1::2]) - waves[:, 1::2] @ (
-            orders * weights[2::2]
-        )
+        swing = (_ORDERS * weights[1::2]) @ waves[2::2] - (_ORDERS * weights[2::2]) @ waves[1::2]
         slope = 2 * pi / period * times * swing
-        slope -= waves @ np.linalg.solve(weighted @ waves + ridge, weighted @ slope)
+        slope -= np.linalg.solve(gram, weighted @ slope) @ waves
         steep = float((trust * slope**2).sum())
         if steep > 0:
             by = float((trust * slope * off).sum()) / steep
             period *= 1 + min(max(by, -FASTEST), FASTEST)
     weights[0] += middle
-    return period, weights, float((trust * off**2).sum())
+    return period, weights, float((trust * off**2).sum() / trust.sum())

@@ -54,7 +54,22 @@ class PlaceHistory:
     def at(self, times: Vector) -> Vector:
         """Interpolate linearly at any times, one row per axis [rad]; constant outside."""
         known = self.times
-        return np.stack([np.interp(times, known, places) for places in self.places])
+        found = np.empty((2, len(times)))
+        for row, places in zip(found, self.places, strict=True):
+            row[:] = np.interp(times, known, places)
+        return found
+
+    def one_at(self, t: float) -> Pair:
+        """Interpolate at one time [rad]."""
+        known, places = self.times, self.places
+        n = int(np.searchsorted(known, t))
+        if n == 0 or n == len(known):
+            n = min(n, len(known) - 1)
+            return float(places[0, n]), float(places[1, n])
+        before = float(known[n - 1])
+        part = (t - before) / (float(known[n]) - before)
+        (a, c), (b, d) = places[:, n - 1].tolist(), places[:, n].tolist()
+        return a + part * (b - a), c + part * (d - c)
 
     def move(self, by: Pair) -> None:
         """Add a constant to all places."""

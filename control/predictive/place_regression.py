@@ -59,7 +59,8 @@ class PlaceRegression:
         self._gram = np.zeros((2, _COUNT, _COUNT))
         self._moments = np.zeros((2, _COUNT, 1))
         self._rows = 0.0
-        self._waiting: list[float] = []
+        self._waiting: list[tuple[float, Vector, Vector]] = []
+        self._updates = 0
         self._t = 0.0
         self._origin: Vector | None = None
         self._path: list[list[float]] | None = None
@@ -90,13 +91,24 @@ class PlaceRegression:
         self._moments *= forget
         self._rows *= forget
         self._t = t
-        self._waiting.append(t)
+        row = self._regressors(past, np.array([t]))
+        self._waiting.append((t, *row))
         reach = float(self._ahead[-1]) + STEP_S
-        while self._waiting and self._waiting[0] + reach <= t:
-            anchor = self._waiting.pop(0)
+        while self._waiting and self._waiting[0][0] + reach <= t:
+            anchor, regressors, now = self._waiting.pop(0)
             if past.since_s <= anchor - SPAN_S:
-                self._learn(past, np.array([anchor]), np.array([1.0]), dt)
-        self._predict(past, t)
+                moved = self._moved(past, np.array([anchor]), now)
+                self._judge(regressors, moved, dt)
+                self._learn(regressors, moved, np.array([1.0]))
+        if self._rows < 1 or past.since_s > t - SPAN_S:
+            self._path = None
+            return
+        self._updates += 1
+        if self._weights is None or self._updates % 2:
+            self._solve()
+        assert self._weights is not None
+        regressors, now = row
+        self._path = (now + (regressors @ self._weights)[:, 0]).tolist()
 
     def relearn(self, past: PlaceHistory) -> None:
         """Learn from the whole past again, from every fourth place."""
@@ -111,9 +123,13 @@ class PlaceRegression:
         complete = (times >= past.since_s + SPAN_S) & (times <= end - reach)
         anchors = times[complete][::4]
         self._t = float(end)
-        self._waiting = times[times > end - reach].tolist()
+        self._waiting = [
+            (t, *self._regressors(past, np.array([t]))) for t in times[times > end - reach].tolist()
+        ]
         if len(anchors):
-            self._learn(past, anchors, 4 * np.exp((anchors - end) / MEMORY_S))
+            regressors, now = self._regressors(past, anchors)
+            trust = 4 * np.exp((anchors - end) / MEMORY_S)
+            self._learn(regressors, self._moved(past, anchors, now), trust)
 
     def ahead(self, axis: int, dt: float) -> float | None:
         """Predict the place of an axis a time after the newest one [rad]; None if not learnt."""
@@ -150,35 +166,34 @@ class PlaceRegression:
         found[:, :, 1] = now - self._origin[:, None]
         return found, now
 
-    def _learn(
-        self, past: PlaceHistory, anchors: Vector, trust: Vector, dt: float | None = None
-    ) -> None:
-        regressors, now = self._regressors(past, anchors)
+    def _moved(self, past: PlaceHistory, anchors: Vector, now: Vector) -> Vector:
+        """Displacements from times to each horizon later, (2, rows, horizons)."""
         later = anchors[:, None] + self._ahead
-        later[:, 0] = anchors + STEP_S  # the neighbours: a smoothed place, of other noise
-        places = past.at(later.ravel()).reshape(2, len(anchors), -1)
-        before = past.at(anchors - STEP_S)
-        places[:, :, 0] = (places[:, :, 0] + before) / 2
-        moved = places - now[:, :, None]
-        if dt is not None and self._weights is not None:
-            self._judged += 1
-            off = (moved - regressors @ self._weights)[:, 0, -3]
-            self._missed += max(1 / self._judged, dt / JUDGED_S) * (off**2 - self._missed)
+        later[:, 0] = anchors + STEP_S
+        times = np.concatenate([later, anchors[:, None] - STEP_S], axis=1)
+        places = past.at(times.ravel()).reshape(2, len(anchors), -1)
+        # now, the mean of the neighbours: a smoothed place, of other noise
+        places[:, :, 0] = (places[:, :, 0] + places[:, :, -1]) / 2
+        moved: Vector = places[:, :, :-1] - now[:, :, None]
+        return moved
+
+    def _judge(self, regressors: Vector, moved: Vector, dt: float) -> None:
+        """Compare the present weights with a row that they were not fitted to."""
+        if self._weights is None:
+            return
+        self._judged += 1
+        off = moved[:, 0, -3] - (regressors @ self._weights)[:, 0, -3]
+        self._missed += max(1 / self._judged, dt / JUDGED_S) * (off**2 - self._missed)
+
+    def _learn(self, regressors: Vector, moved: Vector, trust: Vector) -> None:
         weighted = (regressors * trust[:, None]).swapaxes(1, 2)
         self._gram += weighted @ regressors
         self._moments += weighted @ moved
         self._rows += float(trust.sum())
 
-    def _predict(self, past: PlaceHistory, t: float) -> None:
-        if self._rows < 1 or past.since_s > t - SPAN_S:
-            self._path = None
-            return
-        ridge = np.zeros((2, _COUNT, _COUNT))
-        diagonal = np.einsum("aii->ai", ridge)
+    def _solve(self) -> None:
         early = FIRST_RAD if self._judged * STEP_S < 1 else 0.0
         missed = np.maximum(self._missed, early**2)
-        diagonal[...] = (RIDGE * self._variance + RIDGE_OF_ERROR * missed)[:, None] + 1e-9
-        weights: Vector = np.linalg.solve(self._gram + ridge, self._moments)
-        self._weights = weights
-        regressors, now = self._regressors(past, np.array([t]))
-        self._path = (now + (regressors @ weights)[:, 0]).tolist()
+        ridge = RIDGE * self._variance + RIDGE_OF_ERROR * missed + 1e-9
+        gram = self._gram + ridge[:, None, None] * np.eye(_COUNT)
+        self._weights = np.asarray(np.linalg.solve(gram, self._moments))

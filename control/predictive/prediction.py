@@ -34,6 +34,8 @@ REACH = 1.5
 speed up by half."""
 REACH_MEMORY_S = 30.0
 """Time constant with which the largest displacement is forgotten [s]. Assumed."""
+WEIGH_EVERY = 4
+"""Number of updates after which an axis is weighed again [1]; the axes take turns."""
 REPEATED_S = 0.08 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 """Times around one period ago whose places are averaged [s]: five frames."""
 RESTART_S = 6.0
@@ -75,7 +77,7 @@ class TargetPrediction:
         self._horizon = 0.0
         self._reach = [0.0, 0.0]
         self._said: list[_Said] = []
-        self._usable = [[True] * len(self._names) for _ in range(2)]
+        self._updates = 0
         self._repeat_off = [0.0, 0.0]
 
     @property
@@ -110,7 +112,8 @@ class TargetPrediction:
         for filters, seen, squared in zip(self._filters, place, variance, strict=True):
             for one in filters:
                 one.update(t, seen, squared)
-        moved = np.abs(self._past.at(np.array([t - horizon_s]))[:, 0] - np.array(place)).tolist()
+        then = self._past.one_at(t - horizon_s)
+        moved = [abs(now - x) for now, x in zip(place, then, strict=True)]
         fade = exp(-dt / REACH_MEMORY_S)
         self._reach = [max(fade * r, m) for r, m in zip(self._reach, moved, strict=True)]
         if self._regression:
@@ -120,8 +123,11 @@ class TargetPrediction:
         self._judge(t, dt, variance)
         self._find_repeats(t)
         ahead = [self._each(axis, horizon_s) for axis in range(2)]
-        self._usable = [[x is not None for x in each] for each in ahead]
-        raw = [blend.weigh(each) for blend, each in zip(self._blends, ahead, strict=True)]
+        self._updates += 1
+        for axis, blend in enumerate(self._blends):
+            if self._updates % WEIGH_EVERY == axis * WEIGH_EVERY // 2:
+                blend.weigh([x is not None for x in ahead[axis]])
+        raw = [blend.raw(each) for blend, each in zip(self._blends, ahead, strict=True)]
         blended = [blend.blended(each) for blend, each in zip(self._blends, ahead, strict=True)]
         self._said.append(_Said(t + horizon_s, ahead, blended, raw))
 
@@ -192,7 +198,7 @@ class TargetPrediction:
         if dt > GAP_S:
             return  # nothing was measured at those times
         for said in due:
-            seen = self._past.at(np.array([said.t]))[:, 0].tolist()
+            seen = self._past.one_at(said.t)
             for axis, blend in enumerate(self._blends):
                 blend.judge(
                     said.each[axis], said.blended[axis], said.raw[axis], seen[axis], variance[axis]
@@ -206,8 +212,9 @@ class TargetPrediction:
             if fit:
                 newest = t + REPEATED_S - REPEATED_S[-1]
                 times = np.concatenate([newest, newest - fit.period_s])
-                now, then = self._axis_at(axis, times).reshape(2, -1).mean(axis=1).tolist()
-                self._repeat_off[axis] = now - then
+                places = self._axis_at(axis, times)
+                half = len(REPEATED_S)
+                self._repeat_off[axis] = float(places[:half].sum() - places[half:].sum()) / half
 
     def _axis_at(self, axis: int, times: Vector) -> Vector:
         places: Vector = np.interp(times, self._past.times, self._past.places[axis])
@@ -230,7 +237,7 @@ class TargetPrediction:
                 each.append(fit.at(t))
                 then = t - fit.period_s
                 if self._t - fit.period_s + REPEATED_S[0] * 2 > self._past.times[0]:
-                    ago = float(self._axis_at(axis, then + REPEATED_S).mean())
+                    ago = float(self._axis_at(axis, then + REPEATED_S).sum()) / len(REPEATED_S)
                     each.append(ago + self._repeat_off[axis])
                 else:
                     each.append(None)

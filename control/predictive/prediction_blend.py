@@ -59,13 +59,11 @@ class PredictionBlend:
 
     def blended(self, predictions: Sequence[float | None]) -> float:
         """Blend predictions [rad]; one that is missing counts as the first."""
-        stays = predictions[0]
-        assert stays is not None
-        moved = 0.0
-        for share, prediction in zip(self.shares, predictions, strict=True):
-            if share and prediction is not None:
-                moved += share * (prediction - stays)
-        return stays + moved
+        return _moved(self.shares, predictions)
+
+    def raw(self, predictions: Sequence[float | None]) -> float:
+        """Blend predictions with g = 1 [rad]."""
+        return _moved(self._raw, predictions)
 
     def fade(self, dt: float) -> None:
         """Let all errors decay over a time [s]."""
@@ -84,7 +82,7 @@ class PredictionBlend:
         Args:
             said: prediction of each [rad]; None where there was none.
             blended: what `blended` gave then [rad].
-            raw: what `weigh` gave then [rad].
+            raw: what `raw` gave then [rad].
             seen: measured place [rad].
             variance: its variance [rad2].
         """
@@ -101,38 +99,43 @@ class PredictionBlend:
         self._missed += part * ((blended - seen) ** 2 - self._missed)
         self._variance += part * (variance - self._variance)
 
-    def weigh(self, predictions: Sequence[float | None]) -> float:
-        """Choose the shares of those that predict now; return their blend with g = 1 [rad]."""
+    def weigh(self, present: Sequence[bool]) -> None:
+        """Choose the shares, of predictors that predict at present."""
         counts = np.diagonal(self._counts)
-        usable = [
-            n for n, x in enumerate(predictions) if n == 0 or (x is not None and counts[n] >= LEAST)
-        ]
-        raw = np.zeros(len(predictions))
-        if counts[0] < LEAST or len(usable) == 1:
+        usable = [n for n, known in enumerate(present) if known and counts[n] >= LEAST]
+        raw = np.zeros(len(present))
+        if not usable or usable[0] != 0 or len(usable) == 1:
             raw[0] = 1.0
         else:
             pick = np.ix_(usable, usable)
             products = self._sums[pick] / np.maximum(self._counts[pick], 1e-9)
-            squared = np.diagonal(products)
             doubt = RIDGE + NEW / counts[usable]
             doubt[0] = RIDGE
+            squared = np.diagonal(products)
             raw[usable] = _least(products + np.diag(doubt * squared + 1e-14))
         gain = min(max(self._helped / self._tried, 0.0), 1.0) if self._tried > 0 else 1.0
         shares = gain * raw
         shares[0] += 1 - gain
-        self.shares = shares.tolist()
-        stays = predictions[0]
-        assert stays is not None
-        return stays + sum(
-            w * (x - stays) for w, x in zip(raw.tolist(), predictions, strict=True) if x is not None
-        )
+        self.shares, self._raw = shares.tolist(), raw.tolist()
+
+
+def _moved(shares: Sequence[float], predictions: Sequence[float | None]) -> float:
+    stays = predictions[0]
+    assert stays is not None
+    found = stays
+    for share, prediction in zip(shares, predictions, strict=True):
+        if share and prediction is not None:
+            found += share * (prediction - stays)
+    return found
 
 
 def _least(products: Vector) -> Vector:
     """Weights >= 0 of sum 1 that minimise w' C w: negative ones are left out, one round each."""
     left = np.arange(len(products))
     while True:
-        found: Vector = np.linalg.solve(products[np.ix_(left, left)], np.ones(len(left)))
+        found: Vector = np.asarray(
+            np.linalg.solve(products[np.ix_(left, left)], np.ones(len(left)))
+        )
         found /= found.sum()
         if found.min() >= 0 or len(left) == 1:
             break
