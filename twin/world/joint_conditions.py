@@ -71,11 +71,11 @@ def reach_m(motion: BoardMotion) -> float:
 
 
 def rate_hz(motion: BoardMotion) -> float:
-    """Return the frequency of a motion, for a random one that of its band [Hz]; 0 for a jump."""
+    """Return the highest frequency of a motion [Hz]: that of the band of a random one, 0 of a jump."""
     if isinstance(motion, Strokes | Triangle | Circle):
         return 1 / motion.period_s
     if isinstance(motion, Sine):
-        return motion.frequency_hz
+        return motion.frequency_hz * (1 + motion.drift_share)
     return motion.cutoff_hz if isinstance(motion, Random) else 0.0
 
 

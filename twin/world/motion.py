@@ -113,7 +113,12 @@ class Circle(Strict):
 
 
 class Sine(Strict):
-    """Two-sided motion along a line, s = travel/2 sin(2 pi frequency t)."""
+    """Two-sided motion along a line, s = travel/2 sin(phase).
+
+    The frequency, f = phase'/(2 pi), may drift to and fro around its mean:
+
+        f(t) = frequency (1 + drift_share sin(2 pi t / drift_period))
+    """
 
     kind: Literal["sine"]
     direction_deg: Angle = 0.0
@@ -121,11 +126,21 @@ class Sine(Strict):
     travel_m: _Travel
     """Travel from peak to peak [m]."""
     frequency_hz: Annotated[float, bounded(0, 50, "Hz")]
-    """Frequency [Hz]."""
+    """Mean frequency [Hz]."""
+    drift_share: Annotated[float, bounded(0, 0.9)] = 0.0
+    """Largest change of the frequency over its mean [1]."""
+    drift_period_s: _Period = 60.0
+    """Time in which the frequency goes up, down and back [s]. Assumed."""
 
     def offset(self, t: float) -> Offset:
         """Displacement (right, down) at time `t` [m]."""
-        return along(self.travel_m / 2 * sin(2 * pi * self.frequency_hz * t), self.direction_deg)
+        phase = 2 * pi * self.frequency_hz * (t + self._ahead_s(t))
+        return along(self.travel_m / 2 * sin(phase), self.direction_deg)
+
+    def _ahead_s(self, t: float) -> float:
+        """Time by which the drift of the frequency has moved the motion ahead [s]."""
+        drift = 2 * pi / self.drift_period_s
+        return self.drift_share * (1 - cos(drift * t)) / drift if self.drift_share else 0.0
 
 
 class Jump(Event):

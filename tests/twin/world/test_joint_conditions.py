@@ -29,6 +29,7 @@ PLATE = {
     "over_s": 1,
 }
 BEND = {"kind": "bend", "start_s": 1, "over_s": 1, "by_deg": 500}
+SINE = {"kind": "sine", "travel_m": 0.01}
 RANDOM = {"kind": "random", "cutoff_hz": 0.3}
 MANY = 101 * [STROKE]
 GAP = {"start_s": 1, "over_s": 1}
@@ -89,6 +90,10 @@ def test_values_that_cannot_be_together_are_refused(changes: dict[str, Any], why
     [
         ({"motion": [{**STROKE, "period_s": 0.05}]}, "motion.0 moves at 20 Hz"),
         ({"motion": [STROKE, {**RANDOM, "cutoff_hz": 13}]}, "motion.1 moves at 13 Hz"),
+        (
+            {"motion": [{**SINE, "frequency_hz": 10, "drift_share": 0.3}]},
+            "motion.0 moves at 13 Hz",
+        ),
         ({"motion": [RANDOM], "camera.frame_rate_hz": 0.5}, "half the frame rate, 0.25 Hz"),
         (
             {"board.depth_travel_m": 0.01, "board.depth_period_s": 0.05},
@@ -120,7 +125,8 @@ def test_a_name_is_that_of_a_folder(name: str) -> None:
 
 @pytest.mark.parametrize("name", scenario.names())
 def test_what_comes_with_the_package_can_be_combined(name: str) -> None:
-    options = {"board.distance_m": 0.12} if name == "close" else {}  # disturbances are for 12 cm
+    near = scenario.load(name).board.distance_m < 0.1
+    options = {"board.distance_m": 0.12} if near else {}  # disturbances are for 12 cm
     for change in overrides.names():
         assert overrides.apply(name, "two_region", (change,), options).scenario, change
 

@@ -92,6 +92,21 @@ def test_the_travel_of_a_sine_is_peak_to_peak() -> None:
     assert places == pytest.approx([0.0, -0.005, 0.0, 0.005])
 
 
+@given(t=st.floats(0.0, 200.0))
+def test_the_frequency_of_a_sine_drifts_around_its_mean(t: float) -> None:
+    """By s'^2 + (2 pi f)^2 s^2 = (pi f travel)^2, of a sine whose frequency hardly changes."""
+    drifting = motion.Sine(
+        kind="sine", travel_m=0.1, frequency_hz=0.2, drift_share=0.3, drift_period_s=80.0
+    )
+    s, step = drifting.offset(t)[0], 1e-4
+    speed = (drifting.offset(t + step)[0] - drifting.offset(t - step)[0]) / (2 * step)
+    f = 0.2 * (1 + 0.3 * np.sin(2 * pi * t / 80.0))
+    # the difference quotient is exact to 1e-9 m/s
+    assert np.hypot(speed, 2 * pi * f * s) == pytest.approx(pi * f * 0.1, rel=1e-5)
+    steady = drifting.model_copy(update={"drift_share": 0.0})
+    assert steady.offset(t)[0] == pytest.approx(0.05 * np.sin(2 * pi * 0.2 * t), abs=1e-12)
+
+
 def test_a_jump_has_constant_speed_and_is_permanent() -> None:
     jump = motion.Jump(kind="jump", travel_m=0.02, start_s=10.0, over_s=1.0, direction_deg=-90.0)
     places = [jump.offset(t)[1] for t in (0.0, 10.0, 10.25, 11.0, 1e6)]

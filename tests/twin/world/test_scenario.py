@@ -165,7 +165,7 @@ def test_errors_in_files_are_explained_in_one_line(tmp_path: Path, text: str, me
     ("source", "message"),
     [
         ("strait", "scenario 'strait' is unknown; use breathing, circle, close,"),
-        ("strait", "roll, shaft_loop, straight, triangle or a .toml file; did you mean straight?"),
+        ("strait", "stop_and_go, straight, triangle or a .toml file; did you mean straight?"),
         ("nowhere.toml", "cannot read scenario nowhere.toml: No such file or directory"),
         ("", "scenario '' is unknown"),
     ],
