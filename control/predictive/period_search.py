@@ -33,6 +33,8 @@ AS_GOOD = 1.5
 """Ratio of residuals up to which a period counts as equal to the best."""
 PER_TICK = 4
 """Number of candidate periods fitted per tick: a round takes a second at most."""
+ROUND_S = 2.0
+"""Time from the start of one round to that of the next [s]. Assumed."""
 SPARSE_S = 3.0
 """Periods above this are searched for in half the places [s]."""
 NOISE = 0.1
@@ -90,6 +92,7 @@ class PeriodSearch:
         """Present fit of each axis; None while no period is known."""
         self._round: Iterator[None] | None = None
         self._t: float | None = None
+        self._next = 0.0
         self._moved = np.zeros(2)
 
     def update(self, past: PlaceHistory, variance: Pair) -> None:
@@ -99,8 +102,8 @@ class PeriodSearch:
             if fit and self._t is not None:
                 fit.see(t - self._t, t, place)
         self._t = t
-        if self._round is None and t - past.times[0] >= LEAST_S:
-            self._round = self._search(past, variance)
+        if self._round is None and t >= max(self._next, past.times[0] + LEAST_S):
+            self._round, self._next = self._search(past, variance), t + ROUND_S
 
     def work(self) -> None:
         """Do one slice of the search."""
@@ -116,7 +119,7 @@ class PeriodSearch:
 
     def rewrite(self, past: PlaceHistory) -> None:
         """Fit a replaced past with the present periods; the search starts again."""
-        self._round = None
+        self._round, self._next = None, 0.0
         times, places, trust = _sample(past)
         for axis, fit in enumerate(self.fits):
             if fit:
