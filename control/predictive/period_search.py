@@ -25,7 +25,7 @@ PERIODS_S = np.concatenate(
 quarter of a cycle over the window, or by 4 %."""
 LEAST_S = 4.0
 """Shortest past that is fitted [s]."""
-POINTS = 250
+POINTS = 200
 """Largest number of places fitted; of more, every second, third, ... is used."""
 CYCLES = 1.15
 """Number of periods that the past must hold [1]. Assumed: a little more than one."""

@@ -38,6 +38,10 @@ FIRST_RAD = 0.05
 """Error that is expected at least in the first second [rad]. Assumed."""
 SCALE_RAD = 0.1
 """The constant regressor [rad]: of the size of the others, since they share a ridge."""
+LEAST_ROWS = 40
+"""Number of rows before it predicts [1]: as many seconds of motion as it looks back."""
+SOLVE_EVERY = 3
+"""Number of updates after which the weights are computed again [1]."""
 PREVIEW_S = 0.35
 """Time after the horizon that is predicted, too [s]."""
 
@@ -100,11 +104,11 @@ class PlaceRegression:
                 moved = self._moved(past, np.array([anchor]), now)
                 self._judge(regressors, moved, dt)
                 self._learn(regressors, moved, np.array([1.0]))
-        if self._rows < 1 or past.since_s > t - SPAN_S:
+        if self._rows < LEAST_ROWS or past.since_s > t - SPAN_S:
             self._path = None
             return
         self._updates += 1
-        if self._weights is None or self._updates % 2:
+        if self._weights is None or self._updates % SOLVE_EVERY == 0:
             self._solve()
         assert self._weights is not None
         regressors, now = row

@@ -22,7 +22,7 @@ from math import exp, sqrt
 import numpy as np
 
 from endolock.control.predictive.axis_filters import AxisFilter
-from endolock.control.predictive.period_search import PeriodSearch
+from endolock.control.predictive.period_search import Fit, PeriodSearch
 from endolock.control.predictive.place_history import GAP_S, PlaceHistory
 from endolock.control.predictive.place_regression import PREVIEW_S, PlaceRegression
 from endolock.control.predictive.prediction_blend import PredictionBlend
@@ -136,7 +136,8 @@ class TargetPrediction:
         if self._t is None:
             return 0.0, 0.0
         first, second = (
-            blend.blended(self._each(axis, t - self._t)) for axis, blend in enumerate(self._blends)
+            blend.blended(self._each(axis, t - self._t, blend.shares))
+            for axis, blend in enumerate(self._blends)
         )
         return first, second
 
@@ -220,8 +221,13 @@ class TargetPrediction:
         places: Vector = np.interp(times, self._past.times, self._past.places[axis])
         return places
 
-    def _each(self, axis: int, dt: float) -> list[float | None]:
-        """Prediction of each predictor a time after the newest place [rad]; None without one."""
+    def _each(
+        self, axis: int, dt: float, shares: Sequence[float] | None = None
+    ) -> list[float | None]:
+        """Prediction of each predictor a time after the newest place [rad].
+
+        It is None without one, and, where shares are given, if its share is 0.
+        """
         assert self._t is not None
         filters = self._filters[axis]
         near = min(dt, self._horizon + PREVIEW_S)  # in a gap, velocity ends there
@@ -230,20 +236,22 @@ class TargetPrediction:
             each.append(self._regression.ahead(axis, near))
         if self._periods:
             fit = self._periods.fits[axis]
-            if fit is None:
-                each += [None, None]
-            else:
-                t = self._t + dt
-                each.append(fit.at(t))
-                then = t - fit.period_s
-                if self._t - fit.period_s + REPEATED_S[0] * 2 > self._past.times[0]:
-                    ago = float(self._axis_at(axis, then + REPEATED_S).sum()) / len(REPEATED_S)
-                    each.append(ago + self._repeat_off[axis])
-                else:
-                    each.append(None)
+            harmonic, repeats = shares[-2:] if shares else (1.0, 1.0)
+            each.append(fit.at(self._t + dt) if fit and harmonic else None)
+            each.append(self._repeated(axis, fit, dt) if fit and repeats else None)
         stays = filters[0].place
         reach = REACH * self._reach[axis] * max(1.0, dt / max(self._horizon, 1e-3))
-        return [x if x is None else stays + min(max(x - stays, -reach), reach) for x in each]
+        low, high = stays - reach, stays + reach
+        return [x if x is None else min(max(x, low), high) for x in each]
+
+    def _repeated(self, axis: int, fit: Fit, dt: float) -> float | None:
+        """Place one period ago, corrected by the newest ones [rad]; None if it is too long ago."""
+        assert self._t is not None
+        then = self._t - fit.period_s
+        if then + 2 * REPEATED_S[0] < self._past.times[0]:
+            return None
+        places = self._axis_at(axis, then + dt + REPEATED_S)
+        return float(places.sum()) / len(REPEATED_S) + self._repeat_off[axis]
 
 
 class _Said:

@@ -25,6 +25,8 @@ from endolock.hw.api import Vector
 
 MEMORY_S = 6.0
 """Time constant with which errors decay [s]. Assumed: one or two turns of the target."""
+ERROR_MEMORY_S = 3.0
+"""Time constant of the expected error [s]. Assumed: shorter, to follow what is being learnt."""
 LEAST = 10
 """Number of comparisons before a predictor is used: 0.4 s."""
 NEW = 5.0
@@ -72,7 +74,7 @@ class PredictionBlend:
         self._counts *= keep
         self._helped *= keep
         self._tried *= keep
-        self._judged *= keep
+        self._judged *= exp(-dt / ERROR_MEMORY_S)
 
     def judge(
         self, said: Sequence[float | None], blended: float, raw: float, seen: float, variance: float
