@@ -30,6 +30,12 @@ LOCKED_FOR_S = 2.0
 """The target counts as locked once its error has been below this [px] for this time [s]."""
 REVERSAL_RAD = 0.006
 """Motion back that counts as a reversal of a handle [rad]: four counts of its encoder."""
+LARGE_REVERSAL_RAD = 0.1
+"""Motion back that counts as a large reversal [rad]: 6 deg, which the hand at the handle sees.
+Assumed."""
+FAST_RAD_S = 2.0
+"""Speed of both handles together that counts as fast [rad/s]. Assumed: people turn them more
+slowly."""
 BEHIND_PX = 1e4
 """Error of a target that is not ahead of the camera, and the largest error [px]. Assumed."""
 
@@ -207,13 +213,19 @@ class Scorer:
         dt = (last - first) / (n - 1)
         accel = np.diff(rate, axis=0) / dt
         jerk = np.diff(accel, axis=0) / dt
-        reversals = sum(_reversals(axis.tolist()) for axis in position.T)
+        speed = np.linalg.norm(rate, axis=1)
+        small, large = (
+            sum(_reversals(axis.tolist(), least) for axis in position.T) / (last - first)
+            for least in (REVERSAL_RAD, LARGE_REVERSAL_RAD)
+        )
         return HandleScores(
-            rate_rms=rms(np.linalg.norm(rate, axis=1)),
+            rate_rms=rms(speed),
             accel_rms=rms(np.linalg.norm(accel, axis=1)),
             jerk_rms=rms(np.linalg.norm(jerk, axis=1)),
             travel_rad=float(np.abs(np.diff(position, axis=0)).sum()),
-            reversals_per_s=reversals / (last - first),
+            reversals_per_s=small,
+            large_reversals_per_s=large,
+            fast_share=float((speed > FAST_RAD_S).mean()),
             p2p_deg=np.degrees(np.ptp(position, axis=0)).tolist(),
         )
 
@@ -247,13 +259,13 @@ def _extent(error: Vector) -> ErrorExtent:
     return ErrorExtent(rms=rms(error), max=float(error.max()))
 
 
-def _reversals(position: list[float]) -> int:
-    """Count changes of direction, ignoring those smaller than `REVERSAL_RAD`."""
+def _reversals(position: list[float], least_rad: float) -> int:
+    """Count changes of direction, ignoring those smaller than `least_rad`."""
     count, direction, extreme = 0, 0, position[0]
     for p in position:
         if direction * (p - extreme) > 0:
             extreme = p
-        elif abs(p - extreme) >= REVERSAL_RAD:
+        elif abs(p - extreme) >= least_rad:
             count += direction != 0
             direction, extreme = (1 if p > extreme else -1), p
     return count

@@ -49,7 +49,11 @@ class HandleScores(Frozen):
     travel_rad: float | None = None
     """Distance travelled, summed over both handles [rad]."""
     reversals_per_s: float | None = None
-    """Changes of direction of both handles [1/s]."""
+    """Changes of direction of both handles, by 6 mrad or more [1/s]."""
+    large_reversals_per_s: float | None = None
+    """Changes of direction of both handles, by 0.1 rad or more [1/s]."""
+    fast_share: float | None = None
+    """Share of the time in which both handles together turn faster than 2 rad/s [1]."""
     p2p_deg: tuple[float, ...] | None = None
     """Peak to peak of each handle (up_down, left_right) [deg]."""
 

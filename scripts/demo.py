@@ -36,6 +36,7 @@ def main(args: list[str]) -> int:
     output.write_json({"rows": [record.as_dict() for record in records]}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
+        console.print(record_table.handles(records))
         for line in record_table.legend(records):
             console.print(line, soft_wrap=True, highlight=False)
         results["look into a run"] = f"./run endolock view {first}"

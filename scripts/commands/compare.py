@@ -79,6 +79,7 @@ def _compare(request: Request, folder: Path, console: Console) -> int:
     output.write_json({"rows": rows}, request.json)
     if request.json != "-":
         console.print(record_table.table(records))
+        console.print(record_table.handles(records))
         for line in (
             *record_table.legend(records),
             *_needs(records),

@@ -80,6 +80,7 @@ def main(request: Request) -> int:
     output.write_json(record.as_dict(), request.json)
     if request.json != "-":
         console.print(record_table.table([record]))
+        console.print(record_table.handles([record]))
         for line in record_table.legend([record]):
             console.print(line, soft_wrap=True, highlight=False)
         console.print(f"run folder: {folder}", soft_wrap=True, highlight=False, markup=False)

@@ -8,6 +8,7 @@ time, section and board at their true time, which makes the latency visible.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from endolock.control.scores import Scores
 from endolock.hw import files
 from endolock.hw.api import AXES
 from endolock.scripts.figures.palette import (
@@ -27,6 +29,7 @@ from endolock.scripts.figures.palette import (
     RGB_YELLOW,
 )
 from endolock.scripts.runs import folder_contents
+from endolock.scripts.runs.markdown_table import markdown_table
 from endolock.twin.world.instrument import WIRES
 
 TIMELINE = "time"
@@ -53,6 +56,7 @@ def derive(folder: Path) -> Path:
     ):
         stream.save(part, default_blueprint=_blueprint(signals_shown))
         _still(stream, configuration)
+        _scores(stream, folder)
         centre = configuration["calibration"]["centre_px"]
         board: list[list[float]] = []
         for rows in _chunks(folder, "frames"):
@@ -196,6 +200,26 @@ def _scalars(
         _columns(stream, path, times, rr.Scalars.columns(scalars=values))
 
 
+def _scores(stream: rr.RecordingStream, folder: Path) -> None:
+    """Log the scores of a run that has them, by the keys of metrics.json."""
+    known = folder_contents.metrics(folder) or {}
+    rows = []
+    for field in fields(Scores):
+        value = known.get(field.name)
+        inner = value.items() if isinstance(value, dict) else [("", value)]
+        rows += [[f"`{field.name}{key and '.' + key}`", _shown(part)] for key, part in inner]
+    if known:
+        text = rr.TextDocument(markdown_table(["score", "value"], rows), media_type="text/markdown")
+        stream.log("scores", text, static=True)
+
+
+def _shown(value: Any) -> str:
+    """Write a score as text, with three digits."""
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value))
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
 def _columns(stream: rr.RecordingStream, path: str, times: list[float], columns: Any) -> None:
     index = rr.TimeColumn(TIMELINE, duration=times)
     rr.send_columns(path, indexes=[index], columns=columns, recording=stream)
@@ -204,7 +228,10 @@ def _columns(stream: rr.RecordingStream, path: str, times: list[float], columns:
 def _blueprint(signals_shown: bool) -> rrb.Blueprint:
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin="tip", name="tip camera, as delivered"),
-        rrb.Spatial2DView(origin="overview", name="fixed camera"),
+        rrb.Tabs(
+            rrb.Spatial2DView(origin="overview", name="fixed camera"),
+            rrb.TextDocumentView(origin="scores", name="scores"),
+        ),
     )
     curves = rrb.Vertical(
         rrb.Spatial3DView(origin="world", name="section and board"),

@@ -57,6 +57,39 @@ def table(records: Sequence[RunRecord]) -> Table:
     return result
 
 
+def handles(records: Sequence[RunRecord]) -> Table:
+    """Lay out what the handles did: the price of the errors.
+
+    *travel* is the distance of both handles per second, *reversals* the changes of direction by
+    6 mrad or more and *large* those by 0.1 rad, *fast* the share of the time above 2 rad/s.
+    """
+    title = escape("handles: travel [rad/s], reversals by 6 mrad and 0.1 rad [1/s], over 2 rad/s")
+    result = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    several = {
+        "variation": any(record.variation for record in records),
+        "seed": len({record.seed for record in records}) > 1,
+        "latency": len({record.latency_s for record in records}) > 1,
+    }
+    names = ["scenario", "law", *(name for name, shown in several.items() if shown)]
+    for heading in (*names, "travel", "reversals", "large", "fast"):
+        left = heading in ("scenario", "law", "variation")
+        result.add_column(
+            heading,
+            justify="left" if left else "right",
+            overflow="fold",
+            no_wrap=heading not in ("scenario", "variation"),
+        )
+    for record in records:
+        cells, handle = _cells(record), record.handle
+        figures = (record.travel_rad_s, handle.reversals_per_s, handle.large_reversals_per_s)
+        result.add_row(
+            *(cells[name] for name in names),
+            *("-" if figure is None else f"{figure:.2f}" for figure in figures),
+            _percent(handle.fast_share),
+        )
+    return result
+
+
 def legend(records: Sequence[RunRecord]) -> list[str]:
     """Return the lines that explain the columns of a table."""
     constant = any(record.constant_px and not record.interrupted for record in records)

@@ -53,6 +53,14 @@ class RunRecord(Scores):
     folder: Path
     """The run folder; not part of the JSON."""
 
+    @property
+    def travel_rad_s(self) -> float | None:
+        """Distance that both handles travel per second of the scored part [rad/s]."""
+        scored_s = self.duration_s - self.scored_from_s
+        if self.handle.travel_rad is None or scored_s <= 0:
+            return None
+        return self.handle.travel_rad / scored_s
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain values by name, as `--json` and metrics.json hold them."""
         values = asdict(self)

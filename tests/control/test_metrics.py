@@ -29,7 +29,10 @@ GROUPS = {
     "error_deg": {"rms", "max"},
     "delayed_error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
     "vision_error_px": {"rms", "max"},
-    "handle": {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg"},
+    "handle": {
+        *("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "p2p_deg"),
+        *("reversals_per_s", "large_reversals_per_s", "fast_share"),
+    },
     "tip": {"p2p_deg", "travel_deg"},
 }
 SINGLE = {"frames", "frames_dropped", "detected_fraction", "lost_fraction", "time_to_lock_s"}
@@ -259,6 +262,31 @@ def test_a_ripple_below_the_resolution_is_not_a_reversal() -> None:
     # One sign change a tick, but for the first, which sets the direction.
     shaking = placed(lambda t: large * (round(t / PERIOD_S) % 2), 4.0)["reversals_per_s"]
     assert shaking == pytest.approx(199 / 4)
+
+
+def test_large_reversals_are_those_that_a_person_sees() -> None:
+    """A slow wave of 0.3 rad with a ripple of 20 mrad on it."""
+    handle = placed(
+        lambda t: 0.6 * abs((t / 2 + 0.5) % 1.0 - 0.5) + 0.02 * (round(t / PERIOD_S) % 2), 8.0
+    )
+    assert handle["large_reversals_per_s"] == pytest.approx(7 / 8)  # at 1, 2, ... 7 s
+    assert handle["reversals_per_s"] > 40  # the ripple turns at nearly every tick
+
+
+@pytest.mark.parametrize(("size", "count"), [(0.99, 0.0), (1.01, 3 / 4)])
+def test_a_tenth_of_a_radian_is_a_large_reversal(size: float, count: float) -> None:
+    """A triangle wave turns at 1, 2 and 3 s; the start sets the direction."""
+    top = size * metrics.LARGE_REVERSAL_RAD
+    wave = placed(lambda t: top * abs((t / 2 + 0.5) % 1.0 - 0.5) * 2, 4.0)
+    assert wave["large_reversals_per_s"] == pytest.approx(count)
+
+
+def test_the_fast_share_is_of_both_handles_together() -> None:
+    """A handle at 1.5 rad/s throughout, the other one too for a quarter of the time: 2.12."""
+    mixed = turning(lambda t: (1.5, -1.5 if t < 0.25 else 0.0))
+    assert mixed["fast_share"] == pytest.approx(0.25, abs=0.02)  # a tick of 51
+    assert turning(lambda t: (1.9, 0.0))["fast_share"] == 0.0
+    assert turning(lambda t: (0.0, -2.1))["fast_share"] == 1.0
 
 
 def test_motion_of_tip_and_handles_on_each_axis() -> None:

@@ -41,7 +41,10 @@ RUN_KEYS = [
     "constant_px",
 ]
 ERROR_KEYS = {"rms", "p95", "max", "mean", "within_20", "within_50"}
-HANDLE_KEYS = {"rate_rms", "accel_rms", "jerk_rms", "travel_rad", "reversals_per_s", "p2p_deg"}
+HANDLE_KEYS = {
+    *("rate_rms", "accel_rms", "jerk_rms", "travel_rad", "p2p_deg"),
+    *("reversals_per_s", "large_reversals_per_s", "fast_share"),
+}
 QUICK = ["run", "circle", "--vision", "truth", "--duration-s", "1.5"]
 
 
@@ -149,7 +152,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["run", "rest", "--duration-s", "long"], "Error parsing --duration-s"),
         (
             ["run", "strait"],
-            "scenario 'strait' is unknown; use breathing, circle, close, endoscope",
+            "scenario 'strait' is unknown; use breathing, circle, close, close_random",
         ),
         (
             ["run", "rest", "--controller", "pd"],

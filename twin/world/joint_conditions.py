@@ -71,7 +71,7 @@ def reach_m(motion: BoardMotion) -> float:
 
 
 def rate_hz(motion: BoardMotion) -> float:
-    """Return the highest frequency of a motion [Hz]: that of the band of a random one, 0 of a jump."""
+    """Return the highest frequency of a motion [Hz]: of a random one its cutoff, of a jump 0."""
     if isinstance(motion, Strokes | Triangle | Circle):
         return 1 / motion.period_s
     if isinstance(motion, Sine):

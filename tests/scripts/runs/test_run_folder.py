@@ -84,6 +84,7 @@ def test_the_recording_holds_pictures_curves_and_section(folder: Path) -> None:
         "/overview/picture",
         "/error/now",
         "/error/seen",
+        "/scores",
         "/handles/up_down/goal",
         "/handles/left_right/measured",
         "/wires/up",
