@@ -19,8 +19,10 @@ from endolock.hw.api import BoardGeometry, Calibration, Frame, Image
 from endolock.vision import board_pose, camera_model, refusal
 from endolock.vision.board_pose import BoardPose
 from endolock.vision.detector import Marker, MarkerDetector
+from endolock.vision.ego_motion import LEVER_M
 from endolock.vision.grey import grey_of, smoothed
 from endolock.vision.observation import Lock, Observation
+from endolock.vision.turning import Turning
 
 MIN_MARKERS = 2
 """Fewest markers: the tilt of a single square is ambiguous, and so is the extrapolated target."""
@@ -55,9 +57,12 @@ class MarkerEyes:
     Args:
         calibration: geometry of the camera.
         board: geometry of the board.
+        lever_m: distance from the camera to the point about which the section turns it [m].
     """
 
-    def __init__(self, calibration: Calibration, board: BoardGeometry) -> None:
+    def __init__(
+        self, calibration: Calibration, board: BoardGeometry, lever_m: float = LEVER_M
+    ) -> None:
         self._calibration = calibration
         self._corners = board.corners()
         self.target = np.array([*board.target, 0.0])
@@ -65,10 +70,12 @@ class MarkerEyes:
         self._lock = Lock()
         self._near: list[Marker] = []
         self._detect = MarkerDetector(board)
+        self._turning = Turning(calibration, board.size_m, lever_m)
 
     def __call__(self, frame: Frame) -> Observation:
         """Find the board in one frame."""
         found, fit = self.look(frame)
+        turn = self._turning(frame, None if isinstance(fit, str) else fit.pose)
         if isinstance(fit, str):
             return Observation(
                 t_capture=frame.t_capture,
@@ -76,6 +83,7 @@ class MarkerEyes:
                 status=self._lock.step(False),
                 why=fit,
                 corners_px=_flat(found),
+                turn=turn,
             )
         return Observation(
             t_capture=frame.t_capture,
@@ -85,6 +93,7 @@ class MarkerEyes:
             covariance=fit.covariance,
             distance_m=fit.distance_m,
             corners_px=_flat(found),
+            turn=turn,
         )
 
     def look(self, frame: Frame) -> tuple[list[Marker], BoardFit | str]:

@@ -13,15 +13,21 @@ import numpy as np
 
 from endolock.hw.api import BoardGeometry, Calibration, ConfigError, Frame
 from endolock.vision import camera_model, refusal
+from endolock.vision.ego_motion import LEVER_M
 from endolock.vision.feature_tracker import FeatureTracker
 from endolock.vision.grey import grey_of
 from endolock.vision.marker_eyes import MIRRORED, BoardFit, MarkerEyes
 from endolock.vision.observation import Lock, Observation
+from endolock.vision.turning import Turning
 
 HALF_PX = 20
 """Half side of the window around the board's target, without a selection [px]."""
 SMALLEST_PX = 16
 """Least side of a selection [px]."""
+
+BESIDE = 3.0
+"""Half side of the window that is left out for the background where no markers are seen, over that
+of the target's [1]. Assumed: what moves with a target reaches beyond it by its width."""
 
 Selection = tuple[int, int, int, int]
 """Left, top, width and height of a rectangle in the picture [px]."""
@@ -34,13 +40,18 @@ class TrackEyes:
         calibration: the camera's geometry.
         board: the markers around the target, used only as ground truth.
         selection: rectangle to follow; a window around the board's target if None.
+        lever_m: distance from the camera to the point about which the section turns it [m].
 
     Raises:
         ConfigError: the selection is not within the picture, or too small.
     """
 
     def __init__(
-        self, calibration: Calibration, board: BoardGeometry, selection: Selection | None = None
+        self,
+        calibration: Calibration,
+        board: BoardGeometry,
+        selection: Selection | None = None,
+        lever_m: float = LEVER_M,
     ) -> None:
         if selection is not None:
             check(selection, calibration)
@@ -48,6 +59,8 @@ class TrackEyes:
         self._markers = MarkerEyes(calibration, board)
         self._tracker: FeatureTracker | None = None
         self._lock = Lock()
+        self._turning = Turning(calibration, board.size_m, lever_m)
+        self._beside_px = BESIDE * (max(selection[2:]) / 2 if selection else HALF_PX)
 
     def __call__(self, frame: Frame) -> Observation:
         """Find the target in one frame.
@@ -78,6 +91,11 @@ class TrackEyes:
             blank,
             corners_px=corners,
             reference_px=blank.target_px if isinstance(fit, str) else fit.pixel,
+            turn=self._turning(
+                frame,
+                None if isinstance(fit, str) else fit.pose,
+                None if isinstance(track, str) else (track.pixel, self._beside_px * track.scale),
+            ),
         )
         if isinstance(track, str):
             return replace(observation, status=self._lock.step(False), why=track)

@@ -145,6 +145,7 @@ KEYS: dict[str, Reader] = {
     "camera.noise": Reader(PHYSICS, PICTURES),
     "camera.jpeg_quality": Reader(PHYSICS, PICTURES),
     "camera.truth_noise_px": Reader(SIMULATED, TRUTH),
+    "camera.background": Reader(SIMULATED, TRUTH),
     **dict.fromkeys(
         (
             *("instrument.bending_length_m", "instrument.rigid_tip_m"),

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import pyarrow as pa
 
@@ -21,7 +21,7 @@ from endolock.hw.api import ConfigError
 from endolock.hw.dynamixel import bus_log
 from endolock.hw.errors import DamageWarning
 from endolock.scripts.runs import sealed_table, sealed_text
-from endolock.scripts.runs.log_tables import FRAMES, TICKS
+from endolock.scripts.runs.log_tables import FRAMES, TICKS, completed, forms
 from endolock.scripts.runs.sealed_table import Group
 
 BUS_LOG = "bus.log"
@@ -34,6 +34,8 @@ class _Table(NamedTuple):
     """A table that was looked through: where its rows are, and what is missing."""
 
     file: Path
+    form: pa.Schema
+    """Its columns in the file."""
     groups: list[Group]
     """Groups of a sealed table."""
     unsealed: list[pa.RecordBatch]
@@ -41,12 +43,14 @@ class _Table(NamedTuple):
     damage: list[str]
 
     def batches(self) -> Iterator[pa.RecordBatch]:
-        """Yield the rows group by group."""
-        yield from self.unsealed
+        """Yield the rows group by group, with all columns of this version."""
+        schema = TABLES[self.file.stem]
+        for batch in self.unsealed:
+            yield completed(batch, schema)
         if self.groups:
             with self.file.open("rb") as file:
                 for group in self.groups:
-                    yield sealed_table.batch_of(file, group, TABLES[self.file.stem])
+                    yield completed(sealed_table.batch_of(file, group, self.form), schema)
 
 
 def read(path: Path, table: str) -> pa.Table:
@@ -156,13 +160,13 @@ def _table(path: Path, table: str) -> _Table:
     file, schema = path / f"{table}.arrows", TABLES[table]
     try:
         with file.open("rb") as source:
-            groups = sealed_table.groups(source, schema)
+            groups, form = _groups(source, schema)
             sealed = bool(groups) or sealed_table.is_sealed(source) or _expects_seals(path)
             if not sealed:
-                return _Table(file, [], _unsealed(file, schema), [])
+                return _Table(file, form, [], _unsealed(file, schema), [])
             if groups and not groups[0].number:
                 found = sealed_table.schema_of(source, groups.pop(0))
-                if not found.equals(schema):
+                if not any(found.equals(known) for known in forms(schema)):
                     _refuse(file, found, schema)
     except FileNotFoundError:
         raise ConfigError(
@@ -176,7 +180,16 @@ def _table(path: Path, table: str) -> _Table:
     missing = sealed_table.damage(groups, stated.rows)
     if not missing and groups:
         missing = stated.exchanged(f"{sealed_table.crc_of(groups):08x}")
-    return _Table(file, groups, [], [f"{file} {text}" for text in missing])
+    return _Table(file, form, groups, [], [f"{file} {text}" for text in missing])
+
+
+def _groups(source: BinaryIO, schema: pa.Schema) -> tuple[list[Group], pa.Schema]:
+    """Find the whole groups of a sealed table, and its columns: of this version or of another."""
+    for form in forms(schema):
+        groups = sealed_table.groups(source, form)
+        if any(group.number for group in groups):
+            return groups, form
+    return groups, schema
 
 
 def _unsealed(file: Path, schema: pa.Schema) -> list[pa.RecordBatch]:
@@ -187,7 +200,7 @@ def _unsealed(file: Path, schema: pa.Schema) -> list[pa.RecordBatch]:
     try:
         with pa.OSFile(str(file)) as source:
             stream = pa.ipc.open_stream(source)
-            if not stream.schema.equals(schema):
+            if not any(stream.schema.equals(known) for known in forms(schema)):
                 _refuse(file, stream.schema, schema)
             # A stream cut off within a group of rows ends in an error; that group is dropped.
             with suppress(pa.ArrowInvalid, OSError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Any
 
 import cv2
@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from endolock.control.loop import Seen, Tick
 from endolock.hw.api import ConfigError, Image, Plant, Pose, TruthSample
+from endolock.vision.observation import Turn
 
 JPEG_QUALITY = 75
 
@@ -64,6 +65,11 @@ FRAMES = pa.schema(
         # Target position from the markers where vision tracks without them; else null.
         ("reference_px", _vector(2)),
         ("corners_px", pa.list_(_vector(2))),
+        # Rotation of the camera since an earlier frame, with the standard deviations of its parts;
+        # null without.
+        ("turn_since_s", pa.float64()),
+        ("turn_rad", _vector(3)),
+        ("turn_std_rad", _vector(3)),
         # The truth at the exposure; null on hardware.
         ("true_t", pa.float64()),
         ("true_target_px", _vector(2)),
@@ -75,6 +81,28 @@ FRAMES = pa.schema(
         ("overview_jpeg", pa.binary()),
     ]
 )
+
+LATER = frozenset({"turn_since_s", "turn_rad", "turn_std_rad"})
+"""Columns that earlier versions did not write; read from their tables, they are null."""
+
+
+def forms(schema: pa.Schema) -> tuple[pa.Schema, ...]:
+    """Return the columns of a table in this version and, where they differ, in earlier ones."""
+    earlier = pa.schema([field for field in schema if field.name not in LATER])
+    return (schema,) if earlier.equals(schema) else (schema, earlier)
+
+
+def completed(batch: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
+    """Return rows with all columns of a table, those of `LATER` null where they are missing."""
+    if batch.schema.equals(schema):
+        return batch
+    columns = [
+        batch.column(field.name)
+        if field.name in batch.schema.names
+        else pa.nulls(len(batch), field.type)
+        for field in schema
+    ]
+    return pa.RecordBatch.from_arrays(columns, schema=schema)
 
 
 def tick_row(tick: Tick) -> dict[str, Any]:
@@ -120,6 +148,7 @@ def frame_row(seen: Seen) -> dict[str, Any]:
         "distance_m": observation.distance_m,
         "reference_px": observation.reference_px if has_reference else None,
         "corners_px": observation.corners_px,
+        **_turn(observation.turn),
         "tip_jpeg": jpeg(frame.image),
         "overview_jpeg": jpeg(seen.overview.image) if seen.overview else None,
     }
@@ -133,6 +162,13 @@ def frame_row(seen: Seen) -> dict[str, Any]:
             "backbone_m": list(truth.plant.backbone),
         }
     return row
+
+
+def _turn(turn: Turn | None) -> dict[str, Any]:
+    if turn is None:
+        return dict.fromkeys(LATER)
+    std = tuple(sqrt(turn.covariance[n][n]) for n in range(3))
+    return {"turn_since_s": turn.since_s, "turn_rad": turn.vector, "turn_std_rad": std}
 
 
 def jpeg(image: Image | None) -> bytes | None:

@@ -33,6 +33,7 @@ from endolock.twin.world.fitted_plays import RADII, exercise, plays_of
 from endolock.twin.world.instrument import NUMERICS, Instrument, Numerics
 from endolock.twin.world.instrument_cable import transmission_of
 from endolock.twin.world.scenario import Scenario
+from endolock.vision.ego_motion import LEVER_M
 from endolock.vision.marker_eyes import MarkerEyes
 from endolock.vision.observation import Eyes
 from endolock.vision.track_eyes import Selection, TrackEyes
@@ -212,14 +213,20 @@ def make(
     try:
         if rig in RIGS:
             made.clock.sleep_until(0.0)
-        return made, eyes_of(made, vision, scenario, seed, select)
+        lever_m = instrument.bending_length_m / 2 + instrument.rigid_tip_m
+        return made, eyes_of(made, vision, scenario, seed, select, lever_m)
     except BaseException as error:
         close_after(error, made.close)
         raise
 
 
 def eyes_of(
-    rig: Rig, vision: str, scenario: Scenario, seed: int, select: Selection | None = None
+    rig: Rig,
+    vision: str,
+    scenario: Scenario,
+    seed: int,
+    select: Selection | None = None,
+    lever_m: float = LEVER_M,
 ) -> Eyes:
     """Make the eyes for a rig; what they shall follow becomes the target of a simulated one.
 
@@ -229,6 +236,7 @@ def eyes_of(
         scenario: gives the noise of `TruthEyes`.
         seed: seed of that noise.
         select: rectangle of the first picture to follow, with track only.
+        lever_m: distance from the camera to the point about which the section turns it [m].
 
     Raises:
         ConfigError: the rig has no truth, or the selection is not within the picture, or for
@@ -241,9 +249,9 @@ def eyes_of(
     _check_selection(select, vision)
     calibration = rig.camera.calibration
     if vision == "markers":
-        return MarkerEyes(calibration, rig.board)
+        return MarkerEyes(calibration, rig.board, lever_m)
     if vision == "track":
-        eyes = TrackEyes(calibration, rig.board, select)
+        eyes = TrackEyes(calibration, rig.board, select, lever_m)
         if select and isinstance(rig, TwinRig | HilRig):
             left, top, width, height = select
             rig.aim((left + (width - 1) / 2, top + (height - 1) / 2))

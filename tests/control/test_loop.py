@@ -409,17 +409,18 @@ class Forgetful:
     """Eyes that keep one array and one list, and change them with each frame."""
 
     def __init__(self) -> None:
-        self.pixel, self.corners = np.zeros(2), [[0.0, 0.0]]
+        self.pixel, self.corners, self.turned = np.zeros(2), [[0.0, 0.0]], np.zeros(3)
 
     def __call__(self, frame: Frame) -> Observation:
         """See the target at the number of the frame."""
-        self.pixel[:] = self.corners[0][0] = frame.seq
+        self.pixel[:] = self.corners[0][0] = self.turned[:] = frame.seq
         return Observation(
             t_capture=frame.t_capture,
             seq=frame.seq,
             status=Status.TRACKING,
             target_px=self.pixel,  # type: ignore[arg-type]  # a user may
             corners_px=self.corners,  # type: ignore[arg-type]
+            turn=Turn(since_s=0.0, vector=self.turned, covariance=np.eye(3)),  # type: ignore[arg-type]
         )
 
 
@@ -431,6 +432,10 @@ def test_each_frame_keeps_the_observation_that_was_made_of_it() -> None:
         n = seen.frame.seq
         assert seen.observation.target_px == (n, n)
         assert seen.observation.corners_px == ((n, 0.0),)
+        assert seen.observation.turn == Turn(since_s=0.0, vector=(n, n, n), covariance=UNITY)
+
+
+UNITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def test_the_loop_passes_on_how_the_camera_turned() -> None:
@@ -461,6 +466,10 @@ def _eyes(**changes: Any) -> Any:
         (_eyes(corners_px=[1.0]), r"corners_px \[1.0\] in the observation"),
         (_eyes(covariance="abc"), "covariance 'abc' in the observation"),
         (_eyes(turn=(0.1, 0.2, 0.3)), r"turn \(0.1, 0.2, 0.3\) in the observation"),
+        (
+            _eyes(turn=Turn(since_s=0.0, vector=(0.0, nan, 0.0), covariance=UNITY)),
+            r"turn Turn\(.*nan.* in the observation",
+        ),
         (3, "int cannot be called with a frame"),
     ],
 )

@@ -139,6 +139,9 @@ class CameraSettings(Strict):
     truth_noise_px: Annotated[float, bounded(0, 100, "px")] = 0.0
     """Standard deviation of the noise that `--vision truth` adds to each coordinate [px]; pictures
     have their own noise."""
+    background: bool = True
+    """Whether `--vision truth` sees a background, from which it measures the rotation of the camera
+    as pictures allow; with pictures, it depends on what they show."""
 
     @model_validator(mode="after")
     def _exposure_fits(self) -> Self:

@@ -75,6 +75,7 @@ OTHER: dict[str, Any] = {
     "camera.jitter_s": 0.03,
     "camera.drop_fraction": 0.5,
     "camera.repeat_fraction": 0.5,
+    "camera.background": False,
     "camera.truth_noise_px": 2.0,
     "tracker.rate_hz": 60.0,
     "tracker.latency_s": 0.1,

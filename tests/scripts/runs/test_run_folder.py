@@ -16,6 +16,7 @@ from endolock.hw.api import ConfigError
 from endolock.scripts.figures import rerun_export, strip
 from endolock.scripts.runs import log_tables, run_folder
 from endolock.scripts.runs.experiment import Experiment
+from endolock.scripts.runs.sealed_table import TableWriter
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +35,32 @@ def test_rows_stand_for_ticks_and_frames(folder: Path) -> None:
     assert picture.shape == (480, 640, 3)
     assert picture[240, 320].tolist() != picture[20, 20].tolist()
     assert log_tables.decode(frames["overview_jpeg"][0].as_py()).shape == (360, 480, 3)
+
+
+def test_frames_hold_the_rotation_of_the_camera(folder: Path) -> None:
+    frames = run_folder.read(folder, "frames")
+    since, turns, std = (
+        frames[name].to_pylist() for name in ("turn_since_s", "turn_rad", "turn_std_rad")
+    )
+    assert (since[0], turns[0], std[0]) == (None, None, None)  # nothing is before the first frame
+    assert since[1:] == pytest.approx(frames["t_capture"].to_pylist()[:-1])
+    # pi at rest turns the tip by less than a degree a frame
+    assert np.abs(turns[1:]).max() < 0.02
+    assert 0 < np.min(std[1:]) < np.max(std[1:]) < 1e-3
+
+
+def test_a_folder_without_later_columns_is_read(folder: Path, tmp_path: Path) -> None:
+    """A table as earlier versions wrote it has no rotations; the rest is the same."""
+    whole = run_folder.read(folder, "frames")
+    earlier = whole.drop_columns(list(log_tables.LATER))
+    writer = TableWriter(tmp_path / "frames.arrows", earlier.schema, 8)
+    for row in earlier.to_pylist():
+        writer.append(row)
+    writer.close()
+    read = run_folder.read(tmp_path, "frames")
+    assert read.schema.equals(log_tables.FRAMES)
+    assert read.drop_columns(list(log_tables.LATER)).equals(earlier)
+    assert all(read[name].null_count == len(read) for name in log_tables.LATER)
 
 
 def test_the_configuration_says_what_was_run(folder: Path) -> None:
