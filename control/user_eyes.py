@@ -104,6 +104,6 @@ def _copy(seen: Observation) -> Observation | str:
         tracking = values["status"] is Status.TRACKING
         if tracking and not all(map(isfinite, values[(name := "target_px")])):
             raise ValueError
-    except (AttributeError, TypeError, ValueError):
+    except (TypeError, ValueError):
         return f"{name} {getattr(seen, name)!r}"
     return Observation(**values)
