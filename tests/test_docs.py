@@ -66,7 +66,8 @@ def test_the_readme_quotes_the_benchmark() -> None:
         row = dict(zip(head, _row(page, f"| {name} |"), strict=True))
         rms = {law: float(row[law].split()[0]) for law in simple}  # (lost ... %) may follow
         least = min(simple, key=rms.__getitem__)
-        measured.append((row["predictive_bank"], least, row[least], row["constant"]))
+        own, best = (row[law].split()[0] for law in ("predictive_bank", least))
+        measured.append((own, least, best, row["constant"]))
     own, law, best, constant, *on_circle = promised.groups()
     assert (own, law, best, constant) == measured[0]
     own, best, law, constant = on_circle

@@ -44,6 +44,18 @@ class FinishedRun(NamedTuple):
         return _known(_known(self.record.error_px).rms)
 
     @property
+    def max_px(self) -> float:
+        """Largest true error in the scored part [px]."""
+        return _known(_known(self.record.error_px).max)
+
+    @property
+    def handles(self) -> tuple[float, float, float]:
+        """Travel [rad/s], reversals by 0.1 rad [1/s] and share above 2 rad/s [1] of the handles."""
+        record, handle = self.record, self.record.handle
+        large, fast = _known(handle.large_reversals_per_s), _known(handle.fast_share)
+        return _known(record.travel_rad_s), large, fast
+
+    @property
     def lost(self) -> float:
         """Share of the ticks without a lock [1]."""
         return _known(self.record.lost_fraction)

@@ -1,4 +1,7 @@
-"""The benchmark of the controllers: scenarios, disturbances and latencies, for docs/benchmark.md.
+"""The benchmark of the controllers, for docs/benchmark.md, and single parts of it.
+
+    python -m endolock.scripts.studies.controller_benchmark            # the page
+    python -m endolock.scripts.studies.controller_benchmark plants     # one part
 
 Runs take 100 s and are scored from 50 s, at f = 262 px, without pictures (a test shows that runs
 with pictures give the same result), with one seed. For other combinations use
@@ -7,29 +10,47 @@ with pictures give the same result), with one seed. For other combinations use
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 from math import ceil
 
-from endolock.scripts.runs import batch, overrides, theory
-from endolock.scripts.runs.batch import FinishedRun
+from endolock.hw.errors import ConfigError
+from endolock.scripts import cli
+from endolock.scripts.runs import batch, overrides, rigs, theory
 from endolock.scripts.runs.experiment import Experiment
-from endolock.scripts.runs.markdown_table import markdown_table
+from endolock.scripts.studies.benchmark_tables import (
+    MAX_MORE_PX,
+    MAX_TIMES,
+    RMS_MORE_PX,
+    RMS_TIMES,
+    SIMPLE,
+    Case,
+    Part,
+    Planned,
+    Results,
+    losses,
+    tables,
+)
 from endolock.twin.world import scenario
 
-SCENARIOS = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
+LOCK = "predictive_bank"
+"""The law whose losses are listed."""
 LAWS = (
     *("still", "pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive"),
-    *("predictive", "predictive_bank", "oracle"),
+    *("predictive", LOCK, "oracle"),
 )
-FEW = ("still", "pi", "pi_hc", "ik_sync", "predictive_bank")
-"""Controllers of the larger tables: holding still, and four that move."""
-LATENCIES = (0.06, 0.2, 0.4, 0.8)
+FEW = ("still", "pi", "pi_hc", "pi_simc", "ik_sync", LOCK)
+"""Controllers of the larger tables: holding still, and five that move."""
+NOMINAL_S = 0.4
+LATENCIES = (0.06, 0.2, NOMINAL_S, 0.8)
+"""Latencies [s]; runs with that of the scenarios are those of the other parts."""
+NOISE_PX = 1.0
+"""Noise of vision in front of the plants of other kinds [px]."""
 DURATION_S, SCORED_FROM_S = 100.0, 50.0
 HEAD = """# Benchmark of the controllers
 
-Written by `./run docs`, within {minutes} minutes on two cores. Rms of the true error in px, at
+Written by `./run docs`, within {minutes} minutes on two cores. True error in px, at
 f = 262 px and 0.4 s of latency unless stated, 100 s of which the last 50 are scored, seed 0, exact
 projections instead of pictures, on a simulated plant: none of this was measured on an endoscope.
 `still` holds the handles at their initial angles, and *constant* is the best result of a constant
@@ -38,138 +59,130 @@ handles. `oracle` knows the truth and has no latency: it is a lower bound, not a
 the target was out of sight for more than 1 % of the time; *unstable*: the linear loop is unstable,
 as with the gains of `pi`, which are valid for 12 cm and 0.4 s.
 
-Each table of errors is followed by its cost: peak-to-peak motion of tip and handle, on the axis
-that moves more. Where the tip moves much less than the path needs, the controller is parked, and
-its error is that of a constant handle angle.
+Each table of errors is followed by its price. Peak-to-peak motion of tip and handle is that of the
+axis that moves more: where the tip moves much less than the path needs, the controller is parked,
+and its error is that of a constant handle angle. Travel, reversals and speed are those of both
+handles together: a hand would not like to hold one that reverses by 0.1 rad more than once a
+second, or turns faster than 2 rad/s.
 """
-
-
-def experiment(
-    name: str, law: str, vary: Iterable[str] = (), latency_s: float | None = None
-) -> Experiment:
-    """Describe one run of the benchmark."""
-    return Experiment(
-        scenario=name,
-        controller=law,
-        vision="truth",
-        vary=tuple(vary),
-        latency_s=latency_s,
-        duration_s=DURATION_S,
-        scored_from_s=SCORED_FROM_S,
-    )
-
-
-def page() -> str:
-    """Run the benchmark and return docs/benchmark.md."""
-    begin = time.perf_counter()
-    nominal = [(name, law) for name in SCENARIOS for law in LAWS]
-    varied = [(name, law) for name in overrides.names() for law in FEW]
-    late = [(n, s, law) for n in ("straight", "circle") for s in LATENCIES for law in FEW]
-    experiments = [experiment(*pair) for pair in nominal]
-    experiments += [experiment("straight", law, (name,)) for name, law in varied]
-    experiments += [experiment(n, law, (), s) for n, s, law in late]
-    done = batch.perform(experiments)
-    sizes = (len(nominal), len(varied), len(late))
-    ends = [sum(sizes[:n]) for n in range(len(sizes) + 1)]
-    first, second, third = ((experiments[a:b], done[a:b]) for a, b in pairwise(ends))
-    text = _tables(
-        "Scenarios",
-        ["scenario"],
-        LAWS,
-        [[name] for name in SCENARIOS],
-        *first,
-        ("Wiener floor", [_floor(name) for name in SCENARIOS]),
-    )
-    straight = SCENARIOS.index("straight") * len(LAWS)
-    plain = [straight + LAWS.index(law) for law in FEW]
-    names = overrides.names()
-    text += _tables(
-        "Disturbances, on `straight`",
-        ["disturbance"],
-        FEW,
-        [[name] for name in ("nominal", *names)],
-        [first[0][n] for n in plain] + second[0],
-        [first[1][n] for n in plain] + second[1],
-        ("what", ["", *(overrides.read(name).summary for name in names)]),
-    )
-    cases = [(n, s) for n in ("straight", "circle") for s in LATENCIES]
-    text += _tables(
-        "Latencies",
-        ["scenario", "latency"],
-        FEW,
-        [[name, f"{s:g} s"] for name, s in cases],
-        *third,
-    )
-    minutes = 5 * ceil((time.perf_counter() - begin) / 300)
-    return HEAD.format(minutes=minutes) + text + CLOSING
-
-
-def _tables(
-    title: str,
-    heads: list[str],
-    laws: Sequence[str],
-    cases: Sequence[list[str]],
-    experiments: Sequence[Experiment],
-    done: Sequence[FinishedRun | None],
-    last: tuple[str, list[str]] | None = None,
-) -> str:
-    """Format one part: the errors, and below them the motion of tip and handle.
-
-    Args:
-        title: heading of the part.
-        heads: headings of the first columns.
-        laws: names of the controllers, in the order of the runs.
-        cases: first cells of each row.
-        experiments: the experiments, case by case.
-        done: the results, in the same order; None where the run is undefined.
-        last: heading and cells of a further column of the table of errors.
-    """
-    errors, prices = [], []
-    for n, first in enumerate(cases):
-        part = slice(n * len(laws), (n + 1) * len(laws))
-        tasks, own = experiments[part], done[part]
-        more = [last[1][n]] if last else []
-        known = next(one for one in own if one)
-        errors.append([*first, *map(_error, tasks, own), f"{known.constant_px:.1f}", *more])
-        prices.append([*first, *map(_price, own), f"{known.needed_deg:.0f}"])
-    head = [*heads, *laws, "constant", *([last[0]] if last else [])]
-    price_head = [*heads, *laws, "tip needed"]
-    return (
-        f"\n## {title}\n\n{markdown_table(head, errors)}"
-        f"\nTip / handle, peak to peak in deg:\n\n{markdown_table(price_head, prices)}"
-    )
-
-
 CLOSING = """
 The Wiener floor is a lower bound for every prediction of that random motion, with the latency,
 servo lag, 0.03 s of hold, and 0.1 px of noise; other motions have no such bound. Sizes of the
-disturbances: [models/disturbances](../models/disturbances). To repeat one row, with margins and a
-figure:
+disturbances: [models/disturbances](../models/disturbances); paths of the targets:
+[models/scenarios](../models/scenarios); the plants of other kinds:
+[twin/physics/foreign_plants.py](../twin/physics/foreign_plants.py). To repeat one row, with margins
+and a figure:
 
     ./run endolock compare --scenarios straight --controllers pi pi_simc --vary width_more \\
         --vision truth --duration-s 100 --scored-from-s 50
 """
 
 
-def _error(experiment: Experiment, done: FinishedRun | None) -> str:
-    if done is None:
-        return "-"
-    lost, marks = done.lost, []
-    if lost > 0.01:
-        marks.append(f"lost {100 * lost:.0f} %")
-    if (margins := _margins(experiment)) and margins["gain"] < 1:
-        marks.append("unstable")
-    return f"{done.rms:.1f}" + (f" ({', '.join(marks)})" if marks else "")
+def experiment(planned: Planned) -> Experiment:
+    """Describe one run of the benchmark."""
+    return Experiment(
+        scenario=planned.scenario,
+        controller=planned.law,
+        rig=planned.rig,
+        vision="truth",
+        vary=planned.vary,
+        latency_s=planned.latency_s,
+        duration_s=DURATION_S,
+        scored_from_s=SCORED_FROM_S,
+    )
 
 
-def _margins(experiment: Experiment) -> dict[str, float] | None:
-    task = experiment.resolve()
-    margins: dict[str, float] | None = theory.of(task.scenario, task.settings)["margins"]
-    return margins
+def scenarios() -> Part:
+    """Return the part of the scenarios, most of which repeat."""
+    names = ("straight", "circle", "triangle", "random", "close", "breathing", "rest")
+    return Part("Scenarios", ("scenario",), LAWS, _by_name(names), "Wiener floor")
 
 
-def _price(done: FinishedRun | None) -> str:
-    return "-" if done is None else f"{done.tip_deg:.0f} / {done.handle_deg:.0f}"
+def targets() -> Part:
+    """Return the part of targets that do what they did not do before."""
+    names = ("drift", "steps", "stop_and_go", "leave_and_return", "close_random")
+    title = "Targets that drift, step, rest, leave, or wander close by"
+    return Part(title, ("scenario",), FEW, _by_name(names), "Wiener floor")
+
+
+def disturbances() -> Part:
+    """Return the part of the disturbances; those that begin during a run do so at 60 s."""
+    cases = [Case(("nominal",), "straight")]
+    cases += [
+        Case((name,), "straight", (name,), last=overrides.read(name).summary)
+        for name in overrides.names()
+    ]
+    return Part("Disturbances, on `straight`", ("disturbance",), FEW, tuple(cases), "what")
+
+
+def latencies() -> Part:
+    """Return the part of the latencies."""
+    cases = [
+        Case((name, f"{s:g} s"), name, latency_s=None if s == NOMINAL_S else s)
+        for name in ("straight", "circle")
+        for s in LATENCIES
+    ]
+    return Part("Latencies", ("scenario", "latency"), FEW, tuple(cases))
+
+
+def plants() -> Part:
+    """Return the part of the transmissions that no controller models, without inertia."""
+    noise = (f"camera.truth_noise_px={NOISE_PX:g}",)
+    cases = [
+        Case((rig, name), name, noise, rig=rig, last=rigs.RIGS[rig].summary)
+        for rig in rigs.FIXED
+        if rig != "play"  # which the controllers do model
+        for name in ("straight", "circle", "random")
+    ]
+    title = f"Plants of other kinds, with {NOISE_PX:g} px of noise"
+    return Part(title, ("rig", "scenario"), (*SIMPLE, LOCK), tuple(cases), "what")
+
+
+PARTS: dict[str, Callable[[], Part]] = {
+    made.__name__: made for made in (scenarios, targets, disturbances, latencies, plants)
+}
+"""All parts of the page, by name."""
+
+
+def page() -> str:
+    """Run the benchmark and return docs/benchmark.md."""
+    begin = time.perf_counter()
+    text = run([make() for make in PARTS.values()])
+    minutes = 5 * ceil((time.perf_counter() - begin) / 300)
+    return HEAD.format(minutes=minutes) + text + CLOSING
+
+
+def run(parts: Sequence[Part]) -> str:
+    """Run parts, each run only once, and lay them out, with where the lock loses."""
+    planned = list(dict.fromkeys(one for part in parts for one in part.runs()))
+    results = dict(zip(planned, batch.perform(list(map(experiment, planned))), strict=True))
+    return "".join(tables(part, results, experiment) for part in parts) + where(parts, results)
+
+
+def where(parts: Sequence[Part], results: Results) -> str:
+    """Say where the lock loses, as a part of the page."""
+    rows = losses(parts, results, LOCK)
+    known = ", ".join(f"`{name}`" for name in SIMPLE)
+    rule = (
+        f"Rows in which `{LOCK}` has an rms above {RMS_TIMES:g} times the best of {known} and "
+        f"{RMS_MORE_PX:g} px, or a largest error above {MAX_TIMES:g} times the least of theirs and "
+        f"{MAX_MORE_PX:g} px"
+    )
+    said = f"{rule}:\n\n" + "\n".join(rows) if rows else f"{rule}: none of them."
+    return f"\n## Where it loses\n\n{said}\n"
+
+
+def main(args: list[str]) -> int:
+    """Print the page, or the parts that are named."""
+    unknown = [name for name in args if name not in PARTS]
+    if unknown:
+        raise ConfigError(f"part '{unknown[0]}' is unknown", f"use {', '.join(PARTS)}")
+    print(run([PARTS[name]() for name in args]) if args else page())
+    return 0
+
+
+def _by_name(names: Sequence[str]) -> tuple[Case, ...]:
+    return tuple(Case((name,), name, last=_floor(name)) for name in names)
 
 
 def _floor(name: str) -> str:
@@ -178,4 +191,4 @@ def _floor(name: str) -> str:
 
 
 if __name__ == "__main__":
-    print(page())
+    sys.exit(cli.guarded(main, sys.argv[1:]))
