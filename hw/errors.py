@@ -45,6 +45,20 @@ class ConfigError(EndolockError, ValueError):
     """A scenario, option, parameter or file is not usable (exit code 2)."""
 
 
+class WiringError(ConfigError):
+    """A handle turns the tip the wrong way, or about the other axis (exit code 2).
+
+    Args:
+        what: what was expected and what was found instead.
+        next_step: what to do about it.
+        axis: name of the handle.
+    """
+
+    def __init__(self, what: str, next_step: str = "", *, axis: str) -> None:
+        super().__init__(what, next_step)
+        self.axis = axis
+
+
 class DamageWarning(UserWarning):
     """Part of a run folder is missing or damaged; what is whole was read."""
 
