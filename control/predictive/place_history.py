@@ -59,17 +59,17 @@ class PlaceHistory:
             row[:] = np.interp(times, known, places)
         return found
 
-    def one_at(self, t: float) -> Pair:
-        """Interpolate at one time [rad]."""
+    def one_at(self, t: float) -> tuple[float, float, float]:
+        """Interpolate at one time: place on both axes [rad], and its variance, in that of one."""
         known, places = self.times, self.places
         n = int(np.searchsorted(known, t))
         if n == 0 or n == len(known):
             n = min(n, len(known) - 1)
-            return float(places[0, n]), float(places[1, n])
+            return float(places[0, n]), float(places[1, n]), 1.0
         before = float(known[n - 1])
         part = (t - before) / (float(known[n]) - before)
         (a, c), (b, d) = places[:, n - 1].tolist(), places[:, n].tolist()
-        return a + part * (b - a), c + part * (d - c)
+        return a + part * (b - a), c + part * (d - c), (1 - part) ** 2 + part**2
 
     def move(self, by: Pair) -> None:
         """Add a constant to all places."""

@@ -84,19 +84,19 @@ class PlaceRegression:
         """
         if self._origin is None:
             self._origin = past.places[:, -1].copy()
+        self._variance = np.array(variance)
         steps = int(np.ceil((horizon_s + PREVIEW_S) / HORIZON_STEP_S - 1e-9)) + 1
         if steps > len(self._ahead):
-            self._ahead = HORIZON_STEP_S * np.arange(steps)
+            self._ahead, self._weights = HORIZON_STEP_S * np.arange(steps), None
             self.relearn(past)
+            return
         dt = t - self._t if self._rows else 0.0
-        self._variance = np.array(variance)
         forget = exp(-dt / MEMORY_S)
         self._gram *= forget
         self._moments *= forget
         self._rows *= forget
         self._t = t
-        row = self._regressors(past, np.array([t]))
-        self._waiting.append((t, *row))
+        self._waiting.append((t, *self._regressors(past, np.array([t]))))
         reach = float(self._ahead[-1]) + STEP_S
         while self._waiting and self._waiting[0][0] + reach <= t:
             anchor, regressors, now = self._waiting.pop(0)
@@ -104,36 +104,29 @@ class PlaceRegression:
                 moved = self._moved(past, np.array([anchor]), now)
                 self._judge(regressors, moved, dt)
                 self._learn(regressors, moved, np.array([1.0]))
-        if self._rows < LEAST_ROWS or past.since_s > t - SPAN_S:
-            self._path = None
-            return
         self._updates += 1
-        if self._weights is None or self._updates % SOLVE_EVERY == 0:
-            self._solve()
-        assert self._weights is not None
-        regressors, now = row
-        self._path = (now + (regressors @ self._weights)[:, 0]).tolist()
+        self._predict(past, *self._waiting[-1], again=self._updates % SOLVE_EVERY == 0)
 
     def relearn(self, past: PlaceHistory) -> None:
-        """Learn from the whole past again, from every fourth place."""
-        shape = len(self._ahead)
+        """Learn from the whole past again, from every fourth place, and predict."""
         self._gram = np.zeros((2, _COUNT, _COUNT))
-        self._moments = np.zeros((2, _COUNT, shape))
-        self._rows, self._path, self._weights = 0.0, None, None
+        self._moments = np.zeros((2, _COUNT, len(self._ahead)))
+        self._rows, self._path, self._waiting = 0.0, None, []
         times = past.times
-        if not len(times):
+        if self._origin is None or not len(times):
             return
-        end, reach = times[-1], self._ahead[-1] + STEP_S
-        complete = (times >= past.since_s + SPAN_S) & (times <= end - reach)
-        anchors = times[complete][::4]
-        self._t = float(end)
-        self._waiting = [
-            (t, *self._regressors(past, np.array([t]))) for t in times[times > end - reach].tolist()
-        ]
+        self._t = end = float(times[-1])
+        complete = times <= end - self._ahead[-1] - STEP_S
+        waiting = times[~complete]
+        rows, now = self._regressors(past, waiting)
+        for n, t in enumerate(waiting.tolist()):
+            self._waiting.append((t, rows[:, n : n + 1], now[:, n : n + 1]))
+        anchors = times[complete & (times >= past.since_s + SPAN_S)][::4]
         if len(anchors):
             regressors, now = self._regressors(past, anchors)
             trust = 4 * np.exp((anchors - end) / MEMORY_S)
             self._learn(regressors, self._moved(past, anchors, now), trust)
+        self._predict(past, *self._waiting[-1])
 
     def ahead(self, axis: int, dt: float) -> float | None:
         """Predict the place of an axis a time after the newest one [rad]; None if not learnt."""
@@ -195,9 +188,17 @@ class PlaceRegression:
         self._moments += weighted @ moved
         self._rows += float(trust.sum())
 
-    def _solve(self) -> None:
-        early = FIRST_RAD if self._judged * STEP_S < 1 else 0.0
-        missed = np.maximum(self._missed, early**2)
-        ridge = RIDGE * self._variance + RIDGE_OF_ERROR * missed + 1e-9
-        gram = self._gram + ridge[:, None, None] * np.eye(_COUNT)
-        self._weights = np.asarray(np.linalg.solve(gram, self._moments))
+    def _predict(
+        self, past: PlaceHistory, t: float, regressors: Vector, now: Vector, again: bool = True
+    ) -> None:
+        """Predict from the newest place, after computing the weights again if wanted."""
+        if self._rows < LEAST_ROWS or past.since_s > t - SPAN_S:
+            self._path = None
+            return
+        if self._weights is None or again:
+            early = FIRST_RAD if self._judged * STEP_S < 1 else 0.0
+            missed = np.maximum(self._missed, early**2)
+            ridge = RIDGE * self._variance + RIDGE_OF_ERROR * missed + 1e-9
+            gram = self._gram + ridge[:, None, None] * np.eye(_COUNT)
+            self._weights = np.asarray(np.linalg.solve(gram, self._moments))
+        self._path = (now + (regressors @ self._weights)[:, 0]).tolist()

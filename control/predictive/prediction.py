@@ -29,16 +29,21 @@ from endolock.control.predictive.prediction_blend import PredictionBlend
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 
-REACH = 1.5
+REACH = 1.2
 """Largest predicted displacement, in the largest seen within a horizon [1]. Assumed: the target may
-speed up by half."""
+speed up by a fifth."""
+SURPRISE = 3.0
+"""Distance of the newest place from that of a predictor up to which it counts as noise, in standard
+deviations [1]; beyond it the predictor is moved along, so that none misses the start of a motion by
+more than "it stays" does."""
 REACH_MEMORY_S = 30.0
 """Time constant with which the largest displacement is forgotten [s]. Assumed."""
 WEIGH_EVERY = 4
-"""Number of updates after which an axis is weighed again [1]; the axes take turns."""
+"""Number of updates after which an axis is weighed again [1], in turns; at once after a predictor
+came or went."""
 REPEATED_S = 0.08 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 """Times around one period ago whose places are averaged [s]: five frames."""
-RESTART_S = 6.0
+RESTART_S = 2.0
 """Length of the past that restarts a filter when the past is replaced [s]."""
 
 
@@ -78,7 +83,9 @@ class TargetPrediction:
         self._reach = [0.0, 0.0]
         self._said: list[_Said] = []
         self._updates = 0
+        self._present: list[list[bool]] = [[], []]
         self._repeat_off = [0.0, 0.0]
+        self._surprise: list[list[float]] = [[], []]
 
     @property
     def error_rad(self) -> Pair:
@@ -113,7 +120,7 @@ class TargetPrediction:
             for one in filters:
                 one.update(t, seen, squared)
         then = self._past.one_at(t - horizon_s)
-        moved = [abs(now - x) for now, x in zip(place, then, strict=True)]
+        moved = [abs(now - x) for now, x in zip(place, then[:2], strict=True)]
         fade = exp(-dt / REACH_MEMORY_S)
         self._reach = [max(fade * r, m) for r, m in zip(self._reach, moved, strict=True)]
         if self._regression:
@@ -122,11 +129,15 @@ class TargetPrediction:
             self._periods.update(self._past, variance)
         self._judge(t, dt, variance)
         self._find_repeats(t)
+        self._find_surprises(variance)
         ahead = [self._each(axis, horizon_s) for axis in range(2)]
         self._updates += 1
         for axis, blend in enumerate(self._blends):
-            if self._updates % WEIGH_EVERY == axis * WEIGH_EVERY // 2:
-                blend.weigh([x is not None for x in ahead[axis]])
+            present = [x is not None for x in ahead[axis]]
+            due = self._updates % WEIGH_EVERY == axis * WEIGH_EVERY // 2
+            if due or present != self._present[axis]:
+                blend.weigh(present)
+                self._present[axis] = present
         raw = [blend.raw(each) for blend, each in zip(self._blends, ahead, strict=True)]
         blended = [blend.blended(each) for blend, each in zip(self._blends, ahead, strict=True)]
         self._said.append(_Said(t + horizon_s, ahead, blended, raw))
@@ -178,6 +189,9 @@ class TargetPrediction:
         self._past.replace(np.array(times), np.array(places).T)
         self._t = times[-1]
         self._said = []  # made with the other model
+        known = self._past.times
+        moved = np.abs(self._past.places - self._past.at(known - self._horizon))
+        self._reach = moved.max(axis=1).tolist()
         recent = [n for n, t in enumerate(times) if t > times[-1] - RESTART_S]
         for axis, filters in enumerate(self._filters):
             for one in filters:
@@ -189,6 +203,7 @@ class TargetPrediction:
         if self._periods:
             self._periods.rewrite(self._past)
         self._find_repeats(times[-1])
+        self._find_surprises(variance)
 
     def _judge(self, t: float, dt: float, variance: Pair) -> None:
         """Compare the predictions for times up to now with what was measured."""
@@ -199,10 +214,14 @@ class TargetPrediction:
         if dt > GAP_S:
             return  # nothing was measured at those times
         for said in due:
-            seen = self._past.one_at(said.t)
+            *seen, factor = self._past.one_at(said.t)
             for axis, blend in enumerate(self._blends):
                 blend.judge(
-                    said.each[axis], said.blended[axis], said.raw[axis], seen[axis], variance[axis]
+                    said.each[axis],
+                    said.blended[axis],
+                    said.raw[axis],
+                    seen[axis],
+                    factor * variance[axis],
                 )
 
     def _find_repeats(self, t: float) -> None:
@@ -216,6 +235,15 @@ class TargetPrediction:
                 places = self._axis_at(axis, times)
                 half = len(REPEATED_S)
                 self._repeat_off[axis] = float(places[:half].sum() - places[half:].sum()) / half
+
+    def _find_surprises(self, variance: Pair) -> None:
+        """Find how far the newest place is from where each predictor has it, beyond the noise."""
+        for axis, squared in enumerate(variance):
+            self._surprise[axis] = []
+            noise, stays = SURPRISE * sqrt(squared), self._filters[axis][0].place
+            for x in self._each(axis, 0.0):
+                off = stays - x if x is not None else 0.0
+                self._surprise[axis].append(off - min(max(off, -noise), noise))
 
     def _axis_at(self, axis: int, times: Vector) -> Vector:
         places: Vector = np.interp(times, self._past.times, self._past.places[axis])
@@ -242,7 +270,11 @@ class TargetPrediction:
         stays = filters[0].place
         reach = REACH * self._reach[axis] * max(1.0, dt / max(self._horizon, 1e-3))
         low, high = stays - reach, stays + reach
-        return [x if x is None else min(max(x, low), high) for x in each]
+        surprise = self._surprise[axis] or [0.0] * len(each)
+        return [
+            x if x is None else min(max(x + off, low), high)
+            for x, off in zip(each, surprise, strict=True)
+        ]
 
     def _repeated(self, axis: int, fit: Fit, dt: float) -> float | None:
         """Place one period ago, corrected by the newest ones [rad]; None if it is too long ago."""
