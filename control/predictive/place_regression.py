@@ -40,8 +40,8 @@ SCALE_RAD = 0.1
 """The constant regressor [rad]: of the size of the others, since they share a ridge."""
 LEAST_ROWS = 40
 """Number of rows before it predicts [1]: as many seconds of motion as it looks back."""
-SOLVE_EVERY = 3
-"""Number of updates after which the weights are computed again [1]."""
+LEARN_EVERY = 3
+"""Number of updates after which new rows are learnt and the weights computed again [1]."""
 PREVIEW_S = 0.35
 """Time after the horizon that is predicted, too [s]."""
 
@@ -53,10 +53,15 @@ _MEANS = np.zeros((_STEPS, len(WIDTHS)))
 for _k, _width in enumerate(WIDTHS):
     _MEANS[sum(WIDTHS[:_k]) : sum(WIDTHS[: _k + 1]), _k] = 1 / _width
 _COUNT = len(WIDTHS) + 2
+_ASKED = -1 - int(PREVIEW_S / HORIZON_STEP_S)  # the horizon asked for, before the preview
 
 
 class PlaceRegression:
-    """Regression of both axes, each with its own weights."""
+    """Regression of both axes, each with its own weights.
+
+    The rows of one axis are its regressors (count) and displacements (horizons); rows wait until
+    their last horizon is over.
+    """
 
     def __init__(self) -> None:
         self._ahead = np.array([0.0])
@@ -97,15 +102,11 @@ class PlaceRegression:
         self._rows *= forget
         self._t = t
         self._waiting.append((t, *self._regressors(past, np.array([t]))))
-        reach = float(self._ahead[-1]) + STEP_S
-        while self._waiting and self._waiting[0][0] + reach <= t:
-            anchor, regressors, now = self._waiting.pop(0)
-            if past.since_s <= anchor - SPAN_S:
-                moved = self._moved(past, np.array([anchor]), now)
-                self._judge(regressors, moved, dt)
-                self._learn(regressors, moved, np.array([1.0]))
         self._updates += 1
-        self._predict(past, *self._waiting[-1], again=self._updates % SOLVE_EVERY == 0)
+        due = self._updates % LEARN_EVERY == 0
+        if due:
+            self._learn_complete(past, t)
+        self._predict(past, *self._waiting[-1], again=due)
 
     def relearn(self, past: PlaceHistory) -> None:
         """Learn from the whole past again, from every fourth place, and predict."""
@@ -174,13 +175,24 @@ class PlaceRegression:
         moved: Vector = places[:, :, :-1] - now[:, :, None]
         return moved
 
-    def _judge(self, regressors: Vector, moved: Vector, dt: float) -> None:
-        """Compare the present weights with a row that they were not fitted to."""
-        if self._weights is None:
+    def _learn_complete(self, past: PlaceHistory, t: float) -> None:
+        """Learn from the rows whose horizons are over."""
+        reach = float(self._ahead[-1]) + STEP_S
+        count = sum(1 for row in self._waiting if row[0] + reach <= t)
+        ready, self._waiting = self._waiting[:count], self._waiting[count:]
+        ready = [row for row in ready if past.since_s <= row[0] - SPAN_S]
+        if not ready:
             return
-        self._judged += 1
-        off = moved[:, 0, -3] - (regressors @ self._weights)[:, 0, -3]
-        self._missed += max(1 / self._judged, dt / JUDGED_S) * (off**2 - self._missed)
+        anchors = np.array([row[0] for row in ready])
+        regressors = np.concatenate([row[1] for row in ready], axis=1)
+        now = np.concatenate([row[2] for row in ready], axis=1)
+        moved = self._moved(past, anchors, now)
+        if self._weights is not None:  # which were not fitted to these rows
+            self._judged += len(ready)
+            off = moved[:, :, _ASKED] - (regressors @ self._weights)[:, :, _ASKED]
+            part = max(1 / self._judged, STEP_S / JUDGED_S) * len(ready)
+            self._missed += min(part, 1.0) * ((off**2).mean(axis=1) - self._missed)
+        self._learn(regressors, moved, np.ones(len(ready)))
 
     def _learn(self, regressors: Vector, moved: Vector, trust: Vector) -> None:
         weighted = (regressors * trust[:, None]).swapaxes(1, 2)

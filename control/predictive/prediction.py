@@ -38,7 +38,7 @@ deviations [1]; beyond it the predictor is moved along, so that none misses the 
 more than "it stays" does."""
 REACH_MEMORY_S = 30.0
 """Time constant with which the largest displacement is forgotten [s]. Assumed."""
-WEIGH_EVERY = 4
+WEIGH_EVERY = 6
 """Number of updates after which an axis is weighed again [1], in turns; at once after a predictor
 came or went."""
 REPEATED_S = 0.08 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
@@ -86,6 +86,7 @@ class TargetPrediction:
         self._present: list[list[bool]] = [[], []]
         self._repeat_off = [0.0, 0.0]
         self._surprise: list[list[float]] = [[], []]
+        self._but_repeats = [float(name != "repeats") for name in self._names]  # they follow anyway
 
     @property
     def error_rad(self) -> Pair:
@@ -241,7 +242,7 @@ class TargetPrediction:
         for axis, squared in enumerate(variance):
             self._surprise[axis] = []
             noise, stays = SURPRISE * sqrt(squared), self._filters[axis][0].place
-            for x in self._each(axis, 0.0):
+            for x in self._each(axis, 0.0, self._but_repeats):
                 off = stays - x if x is not None else 0.0
                 self._surprise[axis].append(off - min(max(off, -noise), noise))
 
