@@ -19,11 +19,19 @@ from endolock.vision.observation import Eyes, Observation, Status
 class Controller(Protocol):
     """Drives the handles from observations and handle states; owns its state, has no clock.
 
-    It may have `signals`, a mapping of names to numbers: internal values to be recorded.
+    It may have `signals`, a mapping of names to numbers: internal values to be recorded. It may
+    have `resume(state)`, called instead of `reset` when frames come again after more than
+    `BLIND_S`, with the handles held meanwhile: what it knows of the transmission still holds, and
+    where the target was is out of date.
     """
 
     def reset(self, state: State) -> None:
-        """Restart from the present handle state; called after each enable."""
+        """Restart from the present handle state.
+
+        Called at the start of each run, and, without `resume`, when frames come again. To hold the
+        handles, command `state.goal`: a loaded handle stands short of its goal, and a command of
+        `state.position` would let it yield.
+        """
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Compute the command of one control period.
@@ -169,7 +177,8 @@ def run(
     """Run a controller on a rig; the handles hold when it returns or raises.
 
     To continue with the rig, do so before the motors' own watchdog trips, or clear its fault. If
-    frames stop coming, the handles hold and the lock is lost, until one comes again.
+    frames stop coming, the handles hold and the lock is lost, until one comes again; the
+    controller then resumes, see `Controller`.
 
     Args:
         rig: clock, handles and camera; connected here if it is not.
@@ -252,7 +261,7 @@ def run(
             if keep:
                 result.ticks.append(tick)
             if blind and observation is not None:
-                law.reset(state)  # its memory is out of date
+                law.resume(state)
             if not blind or observation is not None:
                 command = law.update(t, state, observation)
             if progress:

@@ -63,6 +63,14 @@ class UserController:
         """Restart from the current handle state."""
         self._caller.call("reset", partial(self._controller.reset, state))
 
+    def resume(self, state: State) -> None:
+        """Continue after a time without frames; a controller without `resume` restarts."""
+        resume = getattr(self._controller, "resume", None)
+        if callable(resume):
+            self._caller.call("resume", partial(resume, state))
+        else:
+            self.reset(state)
+
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Update the controller for one tick, and check the command that it returns.
 

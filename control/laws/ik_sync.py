@@ -72,8 +72,8 @@ class SynchronousIK(InverseKinematics):
         self.memory = IKSyncMemory()
 
     def reset(self, state: State) -> None:
-        """Hold the present handle angles."""
-        handles = state.position[0], state.position[1]
+        """Hold the handles at their present goals."""
+        handles = state.goal[0], state.goal[1]
         self.memory = IKSyncMemory(goals=handles, aim=handles)
 
     def _look(self, state: State, observation: Observation | None) -> None:

@@ -77,8 +77,8 @@ class InverseKinematics:
         self.memory = IKMemory()
 
     def reset(self, state: State) -> None:
-        """Hold the present handle angles."""
-        handles = state.position[0], state.position[1]
+        """Hold the handles at their present goals."""
+        handles = state.goal[0], state.goal[1]
         self.memory = IKMemory(goals=handles, aim=handles)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:

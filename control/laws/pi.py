@@ -69,8 +69,8 @@ class PI:
         self.memory = PIMemory()
 
     def reset(self, state: State) -> None:
-        """Start from the present handle angles, without an error."""
-        self.memory = PIMemory(integral=(state.position[0], state.position[1]))
+        """Start from the present goals of the handles, without an error."""
+        self.memory = PIMemory(integral=(state.goal[0], state.goal[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Control the error in the newest frame; see `Controller.update`."""

@@ -72,8 +72,8 @@ class SimcPI(PI):
         self._tune()
 
     def reset(self, state: State) -> None:
-        """Start from the present handle angles, and keep the measured latency."""
-        position = state.position[0], state.position[1]
+        """Start from the present goals of the handles, and keep the measured latency."""
+        position = state.goal[0], state.goal[1]
         self.memory = SimcMemory(integral=position, age_s=self.memory.age_s)
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:

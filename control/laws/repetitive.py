@@ -84,9 +84,9 @@ class Repetitive:
         self._fill((0.0, 0.0))
 
     def reset(self, state: State) -> None:
-        """Fill the table with the present handle angles."""
+        """Fill the table with the present goals of the handles."""
         self.memory = RepetitiveMemory()
-        self._fill((state.position[0], state.position[1]))
+        self._fill((state.goal[0], state.goal[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Correct the table with each frame that shows the target, and replay it.

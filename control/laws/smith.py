@@ -84,8 +84,8 @@ class Smith:
         self.memory = SmithMemory()
 
     def reset(self, state: State) -> None:
-        """Hold the present handle angles."""
-        self.memory = SmithMemory(goals=(state.position[0], state.position[1]))
+        """Hold the handles at their present goals."""
+        self.memory = SmithMemory(goals=(state.goal[0], state.goal[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Integrate the predicted error; hold without a target.

@@ -37,8 +37,8 @@ class Still:
         self.memory = StillMemory()
 
     def reset(self, state: State) -> None:
-        """Hold the present handle angles."""
-        self.memory = StillMemory(goals=(state.position[0], state.position[1]))
+        """Hold the handles at their present goals."""
+        self.memory = StillMemory(goals=(state.goal[0], state.goal[1]))
 
     def update(self, t: float, state: State, observation: Observation | None) -> Command:
         """Hold; see `Controller.update`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from math import inf, nan
 from typing import Any
 
@@ -281,19 +282,24 @@ def test_pi_brings_the_target_to_the_centre() -> None:
     assert max(error_deg[-100:]) < 1.4
 
 
+def _gone(rig: TwinRig, start_s: float, end_s: float) -> None:
+    """Let the video chain of a rig deliver nothing new for a while."""
+    last: list[Frame] = []
+    honest = rig.camera.latest
+
+    def dies() -> Frame | None:
+        frame = honest()
+        if frame is not None and not start_s < frame.t_available < end_s:
+            last.append(frame)
+        return last[-1] if last else None
+
+    rig.camera.latest = dies  # type: ignore[method-assign]  # the chain is on trial
+
+
 def test_without_pictures_the_handles_hold_and_the_lock_is_lost() -> None:
     """A video chain that dies must not leave a law pushing at what it saw last."""
-    last: list[Frame] = []
     with TwinRig("rest", pictures=False) as rig:
-        honest = rig.camera.latest
-
-        def dies() -> Frame | None:
-            frame = honest()
-            if frame is not None and not 1.0 < frame.t_available < 5.0:
-                last.append(frame)
-            return last[-1] if last else None
-
-        rig.camera.latest = dies  # type: ignore[method-assign]  # the chain is on trial
+        _gone(rig, 1.0, 5.0)
         law = Winding()
         result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=6.0)
     dead = [t for t in result.ticks if 1.0 + loop.BLIND_S + 0.05 < t.t < 5.0]
@@ -302,6 +308,28 @@ def test_without_pictures_the_handles_hold_and_the_lock_is_lost() -> None:
     assert len({t.state.goal for t in dead}) == 1
     assert result.ticks[-1].status is Status.TRACKING
     assert law.resets == 2  # when it began, and when pictures came again
+
+
+def test_a_law_that_can_resume_is_not_reset_when_pictures_come_again() -> None:
+    resumed: list[State] = []
+
+    class Lasting(Winding):
+        def resume(self, state: State) -> None:
+            """Go on from where the handle is held."""
+            resumed.append(state)
+            self.goal = state.goal[0]
+
+    with TwinRig("rest", pictures=False) as rig:
+        _gone(rig, 1.0, 5.0)
+        law = Lasting()
+        result = loop.run(rig, TruthEyes(rig.truth), law, duration_s=6.0)
+    assert law.resets == 1
+    assert [state.mode for state in resumed] == [Mode.HOLDING]
+    held = next(t for t in result.ticks if t.t == pytest.approx(resumed[0].t))
+    assert resumed[0].goal == held.state.goal
+    again = [t.state.goal[0] for t in result.ticks if t.t > resumed[0].t]
+    # goes on by 0.5 mrad a tick, in counts of 1.5 mrad
+    assert max(abs(b - a) for a, b in pairwise([held.state.goal[0], *again])) < 0.0016
 
 
 def test_the_end_of_the_video_ends_the_run_with_the_handles_held() -> None:
