@@ -49,8 +49,8 @@ def score(
         run: its ticks and frames.
         calibration: calibration of the tip camera, for the image centre.
         scored_from_s: start of errors, `handle`, `tip` and `blur_px`, counted from the first tick
-            [s]; counts and fractions of frames, the lost fraction and the time to lock are of the
-            whole run.
+            [s]; `startup_error_px` is of the time before it; counts and fractions of frames, the
+            lost fraction and the time to lock are of the whole run.
         exposure_s: exposure time of the camera, for `blur_px` [s]; None where it is not known.
 
     Returns:
@@ -94,6 +94,7 @@ class Scorer:
         self._state_ts: tuple[float, float] | None = None
         self._position, self._rate = Numbers(), Numbers()
         self._error, self._error_deg, self._image_speed = Numbers(), Numbers(), Numbers()
+        self._startup = Numbers()
         self._bend_deg = Travel()
         # Of the accepted frames delivered in the scored part.
         self._delayed, self._vision = Numbers(), Numbers()
@@ -114,6 +115,8 @@ class Scorer:
         error = _radius(self._calibration, truth.target_px) if truth else None
         self._look_for_lock(tick.t, error)
         if tick.t < self._begin:
+            if error is not None:
+                self._startup.append(error)
             return
         first, _ = self._state_ts or (tick.state.t, 0.0)
         self._state_ts = first, tick.state.t
@@ -160,6 +163,7 @@ class Scorer:
             lost_fraction=self._lost / self._ticks if self._ticks else None,
             time_to_lock_s=self._locked_s,
             error_px=summary(self._error.all()) if simulated else None,
+            startup_error_px=summary(self._startup.all()) if simulated else None,
             error_deg=_extent(self._error_deg.all()) if simulated else None,
             delayed_error_px=summary(self._delayed.all()),
             vision_error_px=_extent(vision) if vision.size or simulated else None,

@@ -89,6 +89,8 @@ class Scores(Frozen):
     """First time after which the error stays below 20 px for 2 s [s]; None if it never does."""
     error_px: ErrorSummary | None
     """True error at each tick [px]; None on a bench."""
+    startup_error_px: ErrorSummary | None = None
+    """True error before the scored part [px], while a controller learns; None on a bench."""
     error_deg: ErrorExtent | None
     """True angle between optical axis and target [deg]; None on a bench."""
     delayed_error_px: ErrorSummary

@@ -25,7 +25,8 @@ def table(records: Sequence[RunRecord]) -> Table:
     Errors are in pixels, *seen* is the rms of the error that vision
     measured, *tip* and *handle* are
     peak-to-peak angles on the axis that moved more, *found* is the fraction of frames in which
-    the target was found, *lost* the fraction of ticks without a lock, *speed* simulated time over
+    the target was found, *start* and *worst* the rms and the largest error before the scored part,
+    *lost* the fraction of ticks without a lock, *speed* simulated time over
     wall-clock time. The last row of each scenario is that of the best constant handle angle.
     """
     latencies = {record.latency_s for record in records}
@@ -46,6 +47,10 @@ def table(records: Sequence[RunRecord]) -> Table:
         left_out |= {"found", "speed"}
     if any(len(record.controller) > LONG_NAME for record in records):
         left_out |= {"found", "speed"}
+    if all(record.startup_error_px in (None, ErrorSummary()) for record in records):
+        left_out |= {"start", "worst"}
+    else:
+        left_out |= {"found", "speed", "seen"}
     headings = [name for name in rows[0] if name not in left_out]
     for heading in headings:
         left = heading in ("scenario", "law", "variation")
@@ -93,7 +98,10 @@ def handles(records: Sequence[RunRecord]) -> Table:
 def legend(records: Sequence[RunRecord]) -> list[str]:
     """Return the lines that explain the columns of a table."""
     constant = any(record.constant_px and not record.interrupted for record in records)
-    return [*([CONSTANT] if constant else []), "tip, handle: on the axis that moved more"]
+    learnt = sorted({record.scored_from_s for record in records if record.scored_from_s})
+    start = f"start, worst: rms and largest error before {learnt[0]:g} s" if learnt else ""
+    tip = "tip, handle: on the axis that moved more"
+    return [line for line in (CONSTANT if constant else "", start, tip) if line]
 
 
 def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
@@ -115,6 +123,7 @@ def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
                     controller="constant",
                     latency_s=None,
                     error_px=constant,
+                    startup_error_px=None,
                     delayed_error_px=ErrorSummary(),
                     vision_error_px=None,
                     detected_fraction=None,
@@ -127,6 +136,7 @@ def with_constants(records: Sequence[RunRecord]) -> Iterator[RunRecord]:
 
 def _cells(r: RunRecord) -> dict[str, str]:
     error, seen = r.error_px or ErrorSummary(), r.delayed_error_px
+    start = r.startup_error_px or ErrorSummary()
     return {
         "scenario": escape(r.scenario),
         "law": escape(r.controller),
@@ -137,6 +147,8 @@ def _cells(r: RunRecord) -> dict[str, str]:
         "p95": _number(error.p95),
         "max": _number(error.max),
         "seen": _number(seen.rms),
+        "start": _number(start.rms),
+        "worst": _number(start.max),
         "tip": _degrees(r.tip.p2p_deg if r.tip else None),
         "handle": _degrees(r.handle.p2p_deg),
         "found": _percent(r.detected_fraction),

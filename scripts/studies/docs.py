@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 import sys
 import tempfile
 from itertools import product
@@ -17,8 +16,9 @@ from rich.console import Console
 from endolock.control.identification.cable_parameters import figures
 from endolock.control.identification.fits import fit
 from endolock.control.identification.handle_log import HandleLog
+from endolock.control.scores import ErrorSummary
 from endolock.control.transmission.quasi_static import Geometry
-from endolock.scripts import cli
+from endolock.scripts import cli, demo
 from endolock.scripts.figures import hysteresis_figure, strip
 from endolock.scripts.runs import record_table, rigs
 from endolock.scripts.runs.experiment import Experiment
@@ -46,28 +46,33 @@ from endolock.twin.world.instrument_cable import cable_of
 
 ROOT = Path(__file__).resolve().parents[2]
 END = "<!-- end -->"
-PICTURED = ("straight", "circle", "close", "endoscope", "rest")
+PICTURED = ("straight", "circle", "random", "close", "endoscope", "rest")
 """Scenarios run with pictures; all others are run with exact projections."""
 STRIPS = {"straight": "strip.png", "endoscope": "endoscope.png"}
-"""Strips of pictures from runs with `pi`, by scenario."""
-COMPARED = ("still", "pi", "ik")
+"""Strips of pictures, by scenario."""
+COMPARED = demo.LAWS
 HEADINGS = (
     *("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px"),
-    *("tip deg", "handle deg", "lost"),
+    *("tip deg", "handle deg", "lost", "start rms px", "start max px"),
+    *("travel rad/s", "large reversals /s", "fast"),
 )
-HEAD = """# Results
+HEAD = f"""# Results
 
-Written by `./run docs`; seed 0, latency 0.4 s, 640x480 px at f = 262 px, start included. *rms*,
-*p95* and *max* refer to the true error at every control tick, *seen* to the error that vision saw,
-0.4 s old. *tip* and *handle* are their peak-to-peak motion, on the axis that moves more. `pi` and
-`ik` are our reproductions of two of the thesis' controllers on the twin; `still` holds the handles
+Written by `./run docs`; seed 0, latency 0.4 s, 640x480 px at f = 262 px. Runs of
+{demo.DURATION_S:g} s, of which the first {demo.LEARNT_S:g} s are for the controllers to learn:
+*start* is the error in them, and all else is of the rest. *rms*, *p95* and *max* refer to the true
+error at every control tick, *seen* to the error that vision saw, 0.4 s old. *tip* and *handle* are
+their peak-to-peak motion, on the axis that moved more; *travel*, *large reversals*, by 0.1 rad, and
+*fast*, the share of the time above 2 rad/s, are of both handles together. `still` holds the handles
 at their initial angles, *constant* is the best result of a constant handle angle, known in
-hindsight. The gains of `pi` are valid for 12 cm: at `close` its loop is unstable. Nothing here was
-measured on an endoscope.
+hindsight, `pi_hc` the simple controller with the least error on `straight`, and `predictive_bank`
+the lock. Nothing here was measured on an endoscope. [benchmark.md](benchmark.md) has more
+controllers, disturbances and plants, and says where the lock loses.
 """
-WITHOUT_PICTURES = """## Every scenario, without pictures
+WITHOUT_PICTURES = """## Every scenario from its start, without pictures
 
-The same with `--vision truth`: the result of these controllers with vision free of error.
+With `--vision truth`, vision free of error, over the duration that the scenario's file gives, start
+included: the controllers learn meanwhile. The gains of `pi_hc` are valid for 12 cm.
 """
 
 
@@ -118,14 +123,13 @@ def main(_args: list[str]) -> int:
 def results(folder: Path) -> None:
     """Run `COMPARED` on every scenario; write results.md and the strips of pictures."""
     records, fast = [], []
-    for name, law in product(PICTURED, COMPARED):
+    learnt = demo.DURATION_S, demo.LEARNT_S
+    for name in PICTURED:
         with tempfile.TemporaryDirectory() as temporary:
-            record = _run(name, law, "markers", Path(temporary) / "run")
-            records.append(record)
-            if law == "pi" and name in STRIPS:
-                shutil.copy(
-                    strip.write(record.folder, record.folder / "s.png"), folder / STRIPS[name]
-                )
+            runs = {law: Path(temporary) / law for law in COMPARED}
+            records += [_run(name, law, "markers", out, learnt) for law, out in runs.items()]
+            if name in STRIPS:
+                strip.write(runs, folder / STRIPS[name], demo.LEARNT_S)
     for name, law in product(scenario.names(), COMPARED):
         with tempfile.TemporaryDirectory() as temporary:
             fast.append(_run(name, law, "truth", Path(temporary) / "run"))
@@ -233,8 +237,19 @@ def _between(text: str, name: str, content: str) -> str:
     return f"{before}{start}{content}{END}{rest.split(END, 1)[1]}"
 
 
-def _run(name: str, controller: str, eyes: str, out: Path) -> RunRecord:
-    experiment = Experiment(scenario=name, controller=controller, vision=eyes, out=out)
+def _run(
+    name: str, controller: str, eyes: str, out: Path, times: tuple[float, float] | None = None
+) -> RunRecord:
+    """Run a controller; `times` are duration and start of the scores, else the scenario's [s]."""
+    duration_s, scored_from_s = times or (None, None)
+    experiment = Experiment(
+        scenario=name,
+        controller=controller,
+        vision=eyes,
+        duration_s=duration_s,
+        scored_from_s=scored_from_s,
+        out=out,
+    )
     return experiment.run(show_progress=True)
 
 
@@ -244,7 +259,8 @@ def _markdown(records: list[RunRecord]) -> str:
         error, seen, vision = r.error_px, r.delayed_error_px, r.vision_error_px
         assert error
         assert r.tip
-        lost = r.lost_fraction
+        lost, start = r.lost_fraction, r.startup_error_px or ErrorSummary()
+        large, fast = r.handle.large_reversals_per_s, r.handle.fast_share
         row = [
             r.scenario,
             r.controller,
@@ -253,6 +269,9 @@ def _markdown(records: list[RunRecord]) -> str:
             f"{vision.rms:.2f}" if vision else "",
             *(f"{max(motion.p2p_deg or []):.0f}" for motion in (r.tip, r.handle)),
             "" if lost is None else f"{100 * lost:.1f} %",
+            *("" if value is None else f"{value:.1f}" for value in (start.rms, start.max)),
+            *("" if value is None else f"{value:.2f}" for value in (r.travel_rad_s, large)),
+            "" if fast is None else f"{100 * fast:.0f} %",
         ]
         rows.append(row)
     return markdown_table(HEADINGS, rows, "ll" + "r" * (len(HEADINGS) - 2))

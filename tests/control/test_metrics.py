@@ -26,6 +26,7 @@ ROUNDING = 1e-9  # of a few hundred operations on numbers below a thousand
 
 GROUPS = {
     "error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
+    "startup_error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
     "error_deg": {"rms", "max"},
     "delayed_error_px": {"rms", "p95", "max", "mean", "within_20", "within_50"},
     "vision_error_px": {"rms", "max"},
@@ -37,7 +38,7 @@ GROUPS = {
 }
 SINGLE = {"frames", "frames_dropped", "detected_fraction", "lost_fraction", "time_to_lock_s"}
 SINGLE |= {"overruns", "blur_px"}
-TRUE = {"error_px", "error_deg", "vision_error_px", "tip"}
+TRUE = {"error_px", "startup_error_px", "error_deg", "vision_error_px", "tip"}
 
 POSE = Pose(t=0.0, position=(0.0, 0.0, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0))
 PLANT = Plant(
@@ -127,7 +128,8 @@ def placed(position: Callable[[float], float], duration_s: float) -> dict[str, f
 @pytest.mark.parametrize("known", [True, False])
 def test_every_score_has_its_key(known: bool) -> None:
     sample = truth(5.0) if known else None
-    result = score([tick(n * PERIOD_S, sample) for n in range(200)], [frame(1.0, 5.0, sample)])
+    ticks = [tick(n * PERIOD_S, sample) for n in range(200)]
+    result = score(ticks, [frame(1.0, 5.0, sample)], 0.5)
     assert set(result) == SINGLE | set(GROUPS)
     unknown = set() if known else TRUE
     assert {name for name in GROUPS if result[name] is None} == unknown
@@ -180,6 +182,14 @@ def test_time_to_lock(px: list[float], locked_s: float | None) -> None:
     got = score(errors(*px, start_s=7.0), from_s=9.0)["time_to_lock_s"]
     # Counted from the first tick, and over all of them.
     assert got is None if locked_s is None else got == pytest.approx(locked_s, abs=ROUNDING)
+
+
+def test_the_start_up_is_scored_apart() -> None:
+    ticks = errors(*([30.0] * 50 + [2.0] * 50), start_s=7.0)
+    result = score(ticks, from_s=1.0)
+    assert result["startup_error_px"]["rms"] == result["startup_error_px"]["max"] == 30.0
+    assert result["error_px"]["max"] == 2.0
+    assert set(score(ticks)["startup_error_px"].values()) == {None}  # all of it is scored
 
 
 def test_without_truth_only_the_delayed_error_is_scored() -> None:

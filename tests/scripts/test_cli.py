@@ -270,13 +270,30 @@ def test_special_characters_in_names_are_printed_unchanged(
     assert f"run folder: {out}" in capsys.readouterr().out.replace("\n", "")
 
 
-def test_the_demo_shows_two_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert demo.main(["--duration-s", "1", "--out", str(tmp_path / "demo")]) == 0
+def test_the_demo_compares_the_lock_with_the_best_simple_law_and_holding_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    times = ["--duration-s", "1.5", "--scored-from-s", "0.5"]
+    assert demo.main([*times, "--out", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
-    assert " pi " in said
-    assert " ik " in said
-    for name in ("errors.png", "strip.png", "straight-pi", "straight-ik"):
+    assert all(f" {law} " in said for law in demo.LAWS)
+    assert " start " in said  # the error before it is scored, beside the others
+    assert "start, worst: rms and largest error before 0.5 s" in said
+    assert "large" in said  # and what the handles did
+    folders = [f"straight-{law}" for law in demo.LAWS]
+    for name in ("errors.png", "strip.png", *folders):
         assert (tmp_path / "demo" / name).exists()
+    assert (tmp_path / "demo" / folders[-1] / "run.rrd").exists()
+
+
+def test_options_of_the_demo_replace_its_own() -> None:
+    usual = demo.defaults([])
+    assert usual[:2] == ["--scenarios", "straight"]
+    assert "--scored-from-s" in usual
+    rest = ["--scenarios", "straight", "--controllers", *demo.LAWS]
+    assert demo.defaults(["--duration-s=3"]) == rest
+    changed = demo.defaults(["--controllers", "pi", "--scored_from_s", "10"])
+    assert changed == ["--scenarios", "straight", "--duration-s", "50"]
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

@@ -126,8 +126,12 @@ def test_the_recording_holds_pictures_curves_and_section(folder: Path) -> None:
 def test_the_strip_shows_the_run(folder: Path, tmp_path: Path) -> None:
     import cv2
 
-    picture = cv2.imread(str(strip.write(folder, tmp_path / "strip.png")))
+    picture = cv2.imread(str(strip.write({"pi": folder}, tmp_path / "strip.png")))
     assert picture is not None
+    both = {"pi": folder, "pi again": folder}
+    pair = cv2.imread(str(strip.write(both, tmp_path / "pair.png")))
+    assert pair is not None
+    assert pair.shape == (2 * picture.shape[0], *picture.shape[1:])
     assert picture.shape[1] == strip.PICTURES * (strip.WIDTH_PX + 4) - 4
     assert picture.std() > 20  # neither black nor flat
 
@@ -138,7 +142,7 @@ def test_a_run_without_pictures_has_no_strip(tmp_path: Path) -> None:
     request.run()
     rerun_export.derive(path)
     with pytest.raises(ConfigError, match="has no pictures; run it with vision markers"):
-        strip.write(path, tmp_path / "strip.png")
+        strip.write({"pi": path}, tmp_path / "strip.png")
 
 
 def test_the_recording_shows_what_the_tables_say(folder: Path) -> None:
