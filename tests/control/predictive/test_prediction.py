@@ -205,3 +205,27 @@ def test_a_preview_is_continuous_from_the_newest_place_on() -> None:
     for shares in prediction.weights:
         assert sum(shares.values()) == pytest.approx(1.0)
         assert min(shares.values()) >= 0
+
+
+def test_bursts_gaps_and_any_horizon_never_shoot_away() -> None:
+    random = np.random.default_rng(9)
+    prediction, t = fresh(), 0.0
+    for _ in range(600):
+        t += random.choice([0.04, 0.001, 0.5, 3.0], p=[0.9, 0.05, 0.04, 0.01])
+        x, y = random.uniform(-0.1, 0.1, 2).tolist()
+        horizon_s = random.uniform(0.1, 1.5)
+        prediction.update(t, (x, y), (1e-5, 1e-5), horizon_s)
+        prediction.work()
+        for found in prediction.at(t + horizon_s):
+            # the span of the places, 0.2, times 1.2 from within 0.1, and 0.01 for the filter
+            assert abs(found) < 0.1 + 1.2 * 0.2 + 0.01
+
+
+@pytest.mark.parametrize("harmonic", [False, True])
+def test_any_set_of_predictors_may_be_left_out(harmonic: bool) -> None:
+    prediction = TargetPrediction(
+        walk_density=0.02, densities=(), harmonic=harmonic, regression=False
+    )
+    assert prediction.at(1.0) == (0.0, 0.0)  # before the first place
+    off, stays = errors(prediction, strokes, 6.0, 0.3)
+    assert rms(off) < 1.05 * rms(stays)
