@@ -46,18 +46,27 @@ WANDER = 0.04
 Assumed."""
 NEAREST = 30.0
 """Largest inverse depth of a background [1/m]. Assumed."""
-POINTS = 100
+POINTS = 80
 MIN_POINTS = 12
 """Fewest points; fewer may agree by chance. Assumed."""
 COLUMNS = 320
 """Width of the reduced pictures in which points are followed, about [px]: a fifth of the time that
 640 px take."""
 SMOOTH_PX = 0.8
-"""Standard deviation of the smoothing of reduced pictures [px]. Without it, motions below
-0.1 px come out 14 % too large, with it 6 %. Source: measured."""
-SPACING_PX = 8
+"""Standard deviation of the smoothing of reduced pictures [px], against the steps of their edges.
+Assumed."""
+SHADE_PX, GAIN = 21, 3.0
+"""Side of the windows whose mean is taken away from reduced pictures [px], because shade and
+vignette move with the camera; and the factor on what is left [1]."""
+SPACING_PX = 10
 WINDOW_PX = 15
 """Least distance of points, and side of the window that is followed, in reduced pictures [px]."""
+OFFSETS_PX = np.array([[0.618034, 0.754878]]) * np.arange(POINTS)[:, None] % 1.0
+"""Offsets of the points from the middles of pixels, evenly spread, in reduced pictures [px].
+Interpolation smooths least in the middle of a pixel, so from there motions below 0.1 px come out
+6 % too large, and from halfway between pixels 3 % too small. Source: measured."""
+LEVELS = 3
+"""Number of times that reduced pictures are halved for fast motions [1]."""
 MISMATCH = 0.5
 """Largest mean difference of a followed window from the first, in standard deviations of the
 window's grey levels [1]. Assumed."""
@@ -72,9 +81,9 @@ NOISE_PX = 0.005
 WORST_PX = 1.0
 """Largest rms residual of the inliers, in reduced pictures [px]. Assumed: it is below 0.1 px on
 rendered pictures."""
-SHARED = 5.0
+SHARED = 2.0
 """Ratio of the variance of a fit to that of a fit to independent points [1]. Source: measured."""
-UNMODELLED = 0.003
+UNMODELLED = 0.004
 """Standard deviation of each part of a rotation that is due to its size [1]: walls are not flat,
 and the point about which the camera turns moves. Source: measured."""
 KEPT_S = 0.2
@@ -152,7 +161,7 @@ class EgoMotion:
         noise = 1.0
         for _ in range(2):
             off, slope = self._flow(rays, ends, unknown)
-            for _ in range(3):
+            for _ in range(2):
                 weight = np.repeat(kept, 2) / noise
                 information = slope.T @ (weight[:, None] * slope)
                 information[3:, 3:] += prior
@@ -184,7 +193,9 @@ class EgoMotion:
         size = tuple(side // self._factor for side in grey.shape[::-1])
         grey = grey[: size[1] * self._factor, : size[0] * self._factor]
         small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.GaussianBlur(small, (0, 0), SMOOTH_PX), np.uint8)
+        fine = cv2.GaussianBlur(small, (0, 0), SMOOTH_PX)
+        coarse = cv2.blur(small, (SHADE_PX, SHADE_PX))
+        return np.asarray(cv2.addWeighted(fine, GAIN, coarse, -GAIN, 128.0), np.uint8)
 
     def _follow(self, before: _View, now: _View, expected: Vector) -> tuple[Vector, Vector]:
         """Follow points of the background; return their pixels in both pictures, n x 2 each."""
@@ -193,6 +204,7 @@ class EgoMotion:
         found = cv2.goodFeaturesToTrack(before.grey, POINTS, 0.01, SPACING_PX, mask=open_)
         if found is None:
             return np.empty((0, 2)), np.empty((0, 2))
+        found = found + np.float32(OFFSETS_PX[: len(found), None])
         starts = self._whole(found)
         rays = camera_model.rays(self._calibration, starts)
         ahead = camera_model.project_points(
@@ -206,7 +218,7 @@ class EgoMotion:
             found,
             guess,
             winSize=(WINDOW_PX, WINDOW_PX),
-            maxLevel=3,
+            maxLevel=LEVELS,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.01),
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )

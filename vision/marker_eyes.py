@@ -70,12 +70,13 @@ class MarkerEyes:
         self._lock = Lock()
         self._near: list[Marker] = []
         self._detect = MarkerDetector(board)
-        self._turning = Turning(calibration, board.size_m, lever_m)
+        self.turning = Turning(calibration, board.size_m, lever_m)
+        """Measures the rotation of the camera beside the board."""
 
     def __call__(self, frame: Frame) -> Observation:
         """Find the board in one frame."""
         found, fit = self.look(frame)
-        turn = self._turning(frame, None if isinstance(fit, str) else fit.pose)
+        turn = self.turning(frame, None if isinstance(fit, str) else fit.pose)
         if isinstance(fit, str):
             return Observation(
                 t_capture=frame.t_capture,

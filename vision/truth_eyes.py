@@ -9,10 +9,10 @@ from endolock.hw.api import Calibration, Frame, Plant, Pose, Truth
 from endolock.vision.background import LEAST_SHARE, Background
 from endolock.vision.observation import Lock, Observation, Turn
 
-TURN_NOISE_RAD, TURN_NOISE_SHARE = 2e-5, 0.01
+TURN_NOISE_RAD, TURN_NOISE_SHARE = 2e-5, 0.008
 """Noise of each part of a rotation between frames [rad], and its growth with the rotation [1].
 Source: measured on rendered pictures, docs/vision.md."""
-TURN_SCALE = 1.005
+TURN_SCALE = 0.998
 """Ratio of a measured rotation to the true one [1]. Source: measured on rendered pictures,
 docs/vision.md."""
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from endolock.control import loop
 from endolock.control.identification import latency_estimate
-from endolock.hw.api import AXES, Command, ConfigError, Frame
+from endolock.hw.api import AXES, Command, ConfigError
 from endolock.scripts.runs import rigs
 from endolock.scripts.runs.progress import progress
 from endolock.scripts.runs.stopping import closing
@@ -26,12 +26,15 @@ from endolock.twin.world import scenario as scenarios
 from endolock.twin.world.instrument import Instrument
 from endolock.twin.world.scenario import Scenario
 from endolock.vision.ego_motion import EgoMotion
-from endolock.vision.observation import Eyes
+from endolock.vision.observation import Turn
 
 STROKE_S = 6.0
 SPEED_RAD_S = 0.30
 MODULATION = ((0.9, 0.35), (1.7, 0.30), (2.9, 0.25))
 """Frequency [Hz] and share of the speed; the sum is below 1, so the handle never reverses."""
+MOST = 0.9
+"""Least number of rotations measured beside a board, of those measured anywhere in the picture [1],
+for the former to be used: a board is nearer than the wall, and the two turn differently."""
 LEAD_S = 1.0
 """Duration of the slow start [s]."""
 
@@ -51,7 +54,7 @@ class LatencyRecord:
     correlation: float
     """Correlation of handle motion and image motion at this latency [1]."""
     vision_ms: float
-    """Median time of finding the markers in a frame, not part of the latency [ms]."""
+    """Median time of vision for a frame, markers and rotation, not part of the latency [ms]."""
     frames: int
     """Number of frames."""
     rig: str
@@ -117,7 +120,7 @@ class LatencyMeasurement:
         duration_s = LEAD_S + self.strokes * STROKE_S + latency_estimate.LONGEST_S
         turning = EgoMotion(rig.camera.calibration)
         times, handles = [], []
-        frames: list[tuple[float, int, float]] = []
+        frames: list[tuple[float, int, float, float]] = []
         taken: list[float] = []
         newest = -1
         with closing() as stop, rig, progress("latency", duration_s, show_progress, stop) as report:
@@ -131,8 +134,11 @@ class LatencyMeasurement:
                 frame = rig.camera.latest()
                 if frame is not None and frame.seq > newest:
                     newest = frame.seq
-                    frames.append((frame.t_available, frame.seq, _turn(turning, frame, axis)))
-                    taken.append(_seconds(eyes, frame))
+                    began_s = time.perf_counter()
+                    beside = eyes(frame).turn
+                    taken.append(time.perf_counter() - began_s)
+                    turns = (_part(beside, axis), _part(turning(frame), axis))
+                    frames.append((frame.t_available, frame.seq, *turns))
                 if command is None:
                     goal = list(state.position)
                     began = goal[axis]
@@ -141,7 +147,10 @@ class LatencyMeasurement:
                 goal[axis] = stroke_angle(t - start, self.strokes) + began * left
                 command = Command(position=goal)
                 report(t)
-        delivered, seq, rotation = (np.array(column) for column in zip(*frames, strict=True))
+        delivered, seq, beside_board, anywhere = np.array(frames).T
+        # Where no board is seen, everything is at rest.
+        with_board = np.isfinite(beside_board).mean() > MOST * np.isfinite(anywhere).mean()
+        rotation = beside_board if with_board else anywhere
         motion = latency_estimate.strokes(np.array(times), np.array(handles))
         found = latency_estimate.measure(motion, delivered, seq, rotation[1:])
         if isinstance(found, str):
@@ -180,13 +189,6 @@ def _swing(frequency_hz: float, share: float, t: float) -> float:
     return float(share * (1 - np.cos(w * t)) / w)
 
 
-def _turn(turning: EgoMotion, frame: Frame, axis: int) -> float:
-    """Rotation of the camera about the handle's axis since the previous frame [rad]."""
-    turn = turning(frame)
-    return float("nan") if isinstance(turn, str) else float(turn.vector[axis])
-
-
-def _seconds(eyes: Eyes, frame: Frame) -> float:
-    start = time.perf_counter()
-    eyes(frame)
-    return time.perf_counter() - start
+def _part(turn: Turn | str | None, axis: int) -> float:
+    """Rotation of the camera about the handle's axis [rad]; NaN without."""
+    return turn.vector[axis] if isinstance(turn, Turn) else float("nan")

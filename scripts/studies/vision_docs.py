@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from endolock.scripts.figures import palette
 from endolock.scripts.runs.latency_measurement import LatencyMeasurement
 from endolock.scripts.runs.markdown_table import markdown_table
-from endolock.scripts.studies import sequences, vision_accuracy
+from endolock.scripts.studies import sequences, turn_accuracy, vision_accuracy
 from endolock.twin.rig import TwinRig
 from endolock.twin.world import scenario as scenarios
 from endolock.vision.triple_check import LIMIT_PX
@@ -69,6 +69,7 @@ class VisionMeasurements:
             }
         self.hidden = vision_accuracy.hide(sequences.OCCLUSIONS)
         self.right, self.wrong = vision_accuracy.triple(sequences.OCCLUSIONS)
+        self.turns = turn_accuracy.measured()
         self.latencies = {
             (true, jitter): LatencyMeasurement(latency_s=true, jitter_s=jitter).run()
             for true, jitter in ((0.1, 0.0), (0.33, 0.0), (0.4, 0.015), (0.8, 0.0))
@@ -81,6 +82,7 @@ class VisionMeasurements:
             "condition": self._condition(),
             "tracker": self._tracker(),
             "hidden": self._hidden(),
+            "turns": turn_accuracy.table(self.turns),
             "latency": self._latency(),
         }
 
