@@ -48,9 +48,9 @@ ROOT = Path(__file__).resolve().parents[2]
 END = "<!-- end -->"
 PICTURED = ("straight", "circle", "random", "close", "endoscope", "rest")
 """Scenarios run with pictures; all others are run with exact projections."""
-STRIPS = {"straight": "strip.png", "endoscope": "endoscope.png"}
-"""Strips of pictures, by scenario."""
 COMPARED = demo.LAWS
+STRIPS = {"straight": ("strip.png", COMPARED), "endoscope": ("endoscope.png", COMPARED[-1:])}
+"""Strips of pictures by scenario: file, and the controllers that are shown."""
 HEADINGS = (
     *("scenario", "law", "rms px", "p95 px", "max px", "seen rms px", "vision rms px"),
     *("tip deg", "handle deg", "lost", "start rms px", "start max px"),
@@ -129,7 +129,8 @@ def results(folder: Path) -> None:
             runs = {law: Path(temporary) / law for law in COMPARED}
             records += [_run(name, law, "markers", out, learnt) for law, out in runs.items()]
             if name in STRIPS:
-                strip.write(runs, folder / STRIPS[name], demo.LEARNT_S)
+                file, shown = STRIPS[name]
+                strip.write({law: runs[law] for law in shown}, folder / file, demo.LEARNT_S)
     for name, law in product(scenario.names(), COMPARED):
         with tempfile.TemporaryDirectory() as temporary:
             fast.append(_run(name, law, "truth", Path(temporary) / "run"))
