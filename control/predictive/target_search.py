@@ -18,15 +18,18 @@ from endolock.control.transmission.kinematics import LARGEST_BEND_RAD, Pair
 from endolock.hw.api import Calibration
 from endolock.vision import camera_model
 
-WAIT_S = 2.0
-"""Time at the last place before the spiral [s]. Assumed: longer than an instrument needs to cross
-the picture."""
+WAIT_S = 8.0
+"""Time at the last place before the spiral [s]. Assumed: a target that moves to and fro passes
+there again within a slow period, and is seen at once where the camera has stayed."""
 SPEED_RAD_S = 0.3
 """Speed of the spiral [rad/s]. Assumed: at f = 262 px and an exposure of 20 ms the blur is 1.6
 px."""
-VIEW_SHARE = 0.6
-"""Largest distance from the last place, of half the field of view [1]. Assumed: leaves 40 % of it
+VIEW_SHARE = 0.35
+"""Largest distance from the last place, of half the field of view [1]. Assumed: leaves 65 % of it
 between the last place and the edge of the picture."""
+HANDLE_SPEED_RAD_S = 1.0
+"""Largest speed of the handles meanwhile [rad/s]. Assumed: a loop 0.6 rad wide, in which
+the tip rests, is crossed in 0.6 s."""
 
 
 def half_view_rad(calibration: Calibration) -> float:

@@ -52,7 +52,7 @@ def test_the_last_place_stays_in_the_picture_and_the_search_ends_there(
     path = _path(last, heading, view)
     away = np.hypot(*(path - last).T)
     assert away.max() <= target_search.VIEW_SHARE * view + 1e-9
-    assert away.max() > 0.95 * target_search.VIEW_SHARE * view  # ticks miss the outermost point
+    assert away.max() > 0.9 * target_search.VIEW_SHARE * view  # ticks miss the outermost point
     assert away[-40:] == pytest.approx(0.0, abs=1e-12)  # the last second lies after its end
     later = target_search.place(last, heading, 1e4, view)
     assert later == pytest.approx(last, abs=1e-12)
@@ -62,8 +62,8 @@ def test_the_last_place_stays_in_the_picture_and_the_search_ends_there(
 def test_it_begins_where_the_target_went(angle: float, view: float) -> None:
     heading = float(np.cos(angle)), float(np.sin(angle))
     first = target_search.place((0.0, 0.0), heading, target_search.WAIT_S + 0.02, view)
-    # 6 mrad along the spiral its direction has turned by at most 6 mrad / (R/2 pi), R >= 0.12 rad
-    assert np.dot(first, heading) > 0.9 * hypot(*first) > 0
+    # 6 mrad along the spiral its direction has turned by at most 6 mrad / (R/2 pi), R >= 0.07 rad
+    assert np.dot(first, heading) > 0.8 * hypot(*first) > 0  # cos 0.54 = 0.86
 
 
 @given(st.floats(0, 2 * pi), views)
