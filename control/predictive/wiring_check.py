@@ -49,6 +49,8 @@ TARGET_STD_RAD, BEND_STD_RAD = 0.003, 0.001
 """Least standard deviation of an offset, and of a sum of turns [rad]. Assumed."""
 LATE_S = 0.02
 """Standard deviation of a single exposure time [s]. Assumed: half a frame."""
+JUDGE_FRAMES = 3
+"""Frames from one judgement to the next, of the other handle [1]. Assumed."""
 RATE_TICKS = 5
 """Number of control periods over which the speed of the handles is measured. Assumed."""
 KEEP_S = 2.0
@@ -131,7 +133,9 @@ class WiringCheck:
             variance = BEND_STD_RAD**2 + late
             self._turn.add(exposed_s, self._bend, responses, variance, variances[1])
         self._frames += 1
-        handle = self._frames % 2
+        handle = self._frames // JUDGE_FRAMES % 2
+        if self._frames % JUDGE_FRAMES:
+            return
         if self.open[handle] and self._highest[handle] - self._lowest[handle] > SWING_RAD:
             # The target moves by itself: it is a witness only where there is no better one.
             seen = 2 * self._turn.frames > self._target.frames

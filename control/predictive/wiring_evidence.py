@@ -133,9 +133,13 @@ class WiringEvidence:
         b, response, reached = self._profile(handle)
         spread = float(self._products[0, 0, 0] + self._products[0, 1, 1])
         excess = max(0.0, spread - 2 * float(reached.max()) - 2 * self.frames)
+        norm, angle = (
+            np.hypot(response[..., 0], response[..., 1]),
+            np.arctan2(response[..., 1], response[..., 0]),
+        )
         fits = []
         for sector in sectors:
-            inside = reached - b / 2 * _squared_distance(response, sector)
+            inside = reached - b / 2 * _squared_distance(norm, angle, sector)
             best = np.unravel_index(int(np.argmax(inside)), inside.shape)
             up_down, left_right = response[best].tolist()
             fits.append(Fit(float(inside[best]) / (1 + excess / EXCESS_DOF), (up_down, left_right)))
@@ -157,11 +161,9 @@ class WiringEvidence:
         return b, a / b[..., None], reached
 
 
-def _squared_distance(points: Vector, sector: Sector) -> Vector:
-    """Squared distance of points (..., 2) to a sector."""
-    norm = np.hypot(points[..., 0], points[..., 1])
-    angle = np.arctan2(points[..., 1], points[..., 0]) - sector.direction_rad
-    beyond = np.maximum(np.abs((angle + pi) % (2 * pi) - pi) - sector.half_rad, 0.0)
-    across = norm * np.cos(beyond)
+def _squared_distance(norm: Vector, angle: Vector, sector: Sector) -> Vector:
+    """Squared distance of points, given by norm and angle, to a sector."""
+    apart = np.abs((angle - sector.direction_rad + pi) % (2 * pi) - pi)
+    across = norm * np.cos(np.maximum(apart - sector.half_rad, 0.0))
     along = np.clip(across, sector.least, sector.most)
     return np.asarray(norm**2 - 2 * along * across + along**2)
