@@ -27,6 +27,8 @@ class CapstanParameters(NamedTuple):
     """Logarithm of k/K, k/K in 1/m2."""
     slack_m: float
     """Free length of each wire [m]; negative is pretension."""
+    handle_gain: float
+    """Handle angles over those of a pulley of the default radius [1]."""
     video_turn_rad: float
     """alpha, rotation of the video about the optical axis relative to the bends [rad]."""
     shift_s: float
@@ -56,7 +58,8 @@ class CapstanRollout:
             return
         up_down, left_right = axes_of(self.parameters, self.states)
         both = BothAxes(up_down, left_right)
-        self.bends += [both.follow(pair) for pair in handles]
+        gain = self.parameters.handle_gain
+        self.bends += [both.follow((gain * a, gain * b)) for a, b in handles]
         self.states = up_down.state, left_right.state
 
 

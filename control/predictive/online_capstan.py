@@ -23,12 +23,12 @@ from math import cos, log, sin
 import numpy as np
 
 from endolock.control.predictive.capstan_rollout import CapstanParameters, CapstanRollout
-from endolock.control.predictive.online_plays import splines
+from endolock.control.predictive.online_plays import KNOT_S, splines
 from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.simulation import thin
 from endolock.hw.api import Vector
 
-CABLE = 4
+CABLE = 5
 """Number of parameters that describe the cable, the first ones; the others need no simulation of
 their own."""
 START = CapstanParameters(
@@ -36,6 +36,7 @@ START = CapstanParameters(
     section_friction=0.15,
     log_stiffness=log(8e4),
     slack_m=-2e-3,
+    handle_gain=1.0,
     video_turn_rad=0.0,
     shift_s=0.0,
 )
@@ -45,6 +46,7 @@ WIDTH = CapstanParameters(
     section_friction=0.1,
     log_stiffness=0.3,
     slack_m=2e-3,
+    handle_gain=0.15,
     video_turn_rad=0.1,
     shift_s=0.1,
 )
@@ -54,6 +56,7 @@ LOW = CapstanParameters(
     section_friction=0.0,
     log_stiffness=log(4e4),
     slack_m=-0.02,
+    handle_gain=0.5,
     video_turn_rad=-0.3,
     shift_s=-0.3,
 )
@@ -62,6 +65,7 @@ HIGH = CapstanParameters(
     section_friction=0.6,
     log_stiffness=log(2e5),
     slack_m=0.005,
+    handle_gain=1.6,
     video_turn_rad=0.3,
     shift_s=0.3,
 )
@@ -71,6 +75,7 @@ DELTA = CapstanParameters(
     section_friction=0.02,
     log_stiffness=0.05,
     slack_m=1e-4,
+    handle_gain=0.02,
     video_turn_rad=1e-3,
     shift_s=2e-3,
 )
@@ -80,10 +85,12 @@ ERROR_RAD = 0.02
 neighbouring frames are correlated. Source: tuned on the default instrument."""
 STEP_RAD, MAX_STEPS = 0.02, 350
 """Handle travel between simulated samples [rad], longer if there would be more than this number."""
-SAMPLES = 8
-"""Samples simulated per tick: half a millisecond."""
+SAMPLES = 4
+"""Samples simulated per tick: a quarter of a millisecond."""
 LARGE_RAD = 10.0
 """Initial value of the misfit [rad]."""
+MOST_DAMPING = 1e6
+"""Largest damping [1]."""
 GROW, SHRINK = 8.0, 0.3
 """Factors on the damping after a step that raises and one that lowers the cost."""
 
@@ -104,6 +111,8 @@ class Window:
     """Believed exposure times [s] and offsets of the target from the axis [rad]."""
     states: tuple[list[float], list[float]]
     """States of the axes before the first tick; empty at rest."""
+    knot_s: float
+    """Spacing of the knots of the slow path [s]."""
     rollouts: list[CapstanRollout] = field(default_factory=list)
     """Simulations with the best parameters, with each of them changed, and with the step."""
 
@@ -140,6 +149,7 @@ def begin(
     handles: Vector,
     frames: list[tuple[float, float, float]],
     states: tuple[list[float], list[float]],
+    knot_s: float = KNOT_S,
 ) -> None:
     """Set up a step.
 
@@ -149,13 +159,14 @@ def begin(
         handles: handle angles at the ticks, m x 2 [rad].
         frames: believed exposure times [s] and offsets of the target [rad].
         states: states of the axes before the first tick; empty at rest.
+        knot_s: spacing of the knots of the slow path [s].
     """
     travel = np.abs(np.diff(handles, axis=0, prepend=handles[:1])).sum(axis=1)
     path = np.cumsum(travel + 1e-9)
     step = max(STEP_RAD, float(path[-1]) / MAX_STEPS)
     kept = sorted({*thin(handles[:, 0], step), *thin(handles[:, 1], step), len(times) - 1})
     course = [(float(up), float(right)) for up, right in handles[kept]]
-    window = Window(times.tolist(), path.tolist(), kept, course, frames, states)
+    window = Window(times.tolist(), path.tolist(), kept, course, frames, states, knot_s)
     for parameters in (search.parameters, *_neighbours(search.parameters)[:CABLE]):
         window.rollouts.append(CapstanRollout(parameters, states))
     search.window = window
@@ -168,7 +179,7 @@ def work(search: Search) -> CapstanRollout | None:
     for rollout in window.rollouts:
         if rollout.advance(window.course, SAMPLES):
             return None
-    basis, _ = np.linalg.qr(splines(np.array([frame[0] for frame in window.frames])))
+    basis, _ = np.linalg.qr(splines(np.array([frame[0] for frame in window.frames]), window.knot_s))
     residual = _residual(search.parameters, window, window.rollouts[0], basis)
     if len(window.rollouts) == CABLE + 1:
         stepped = _step(search, window, residual, basis)
@@ -178,7 +189,7 @@ def work(search: Search) -> CapstanRollout | None:
     new_residual = _residual(rollout.parameters, window, rollout, basis)
     better = _cost(rollout.parameters, new_residual) < _cost(search.parameters, residual)
     search.window = None
-    search.damping *= SHRINK if better else GROW
+    search.damping = min(search.damping * (SHRINK if better else GROW), MOST_DAMPING)
     search.misfit_rad = _misfit_rad(new_residual if better else residual)
     if not better:
         return None

@@ -25,6 +25,8 @@ from endolock.hw.api import Vector
 KNOT_S = 0.8
 """Spacing of the spline's knots [s]: faster motion of the target counts as hysteresis.
 Assumed."""
+ALIKE = 40.0
+"""Number of neighbouring frames whose errors are alike [1]. Assumed: two knots."""
 RIDGE, SLOPE_RIDGE = 2e-5, 1e-3
 """Weights of the prior. Source: tuned on the default instrument."""
 WINDOW_S = 25.0
@@ -123,14 +125,15 @@ def _fit(
     b = np.concatenate([rest, pull * prior, [whole * prior.sum()]])
     weights, _ = nnls(a, b)
     misfit = float(np.mean((free @ weights - rest) ** 2))
-    return np.asarray(weights), misfit, misfit * np.linalg.inv(a.T @ a)
+    # The errors of neighbouring frames are alike: about one in every other knot is independent.
+    return np.asarray(weights), misfit, ALIKE * misfit * np.linalg.inv(a.T @ a)
 
 
-def splines(t: Vector) -> Vector:
+def splines(t: Vector, knot_s: float = KNOT_S) -> Vector:
     """Values of cubic B-splines with even knots over the range of the times, n x m."""
     first = float(t[0])
-    count = int(np.ceil((float(t[-1]) - first) / KNOT_S)) + 3
-    u = np.abs((t[:, None] - first) / KNOT_S - np.arange(count)[None] + 1.0)
+    count = int(np.ceil((float(t[-1]) - first) / knot_s)) + 3
+    u = np.abs((t[:, None] - first) / knot_s - np.arange(count)[None] + 1.0)
     near, far = 2 / 3 - u**2 + u**3 / 2, np.maximum(2 - u, 0) ** 3 / 6
     basis: Vector = np.where(u < 1, near, far)
     return basis

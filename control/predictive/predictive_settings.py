@@ -38,20 +38,14 @@ class PredictiveSettings:
     Assumed."""
     lead_s: Annotated[float, bounded(0, 5, "s")] = LAG_S + COMMAND_DELAY_S
     """Delay from command to motion [s], 0 to 5: servo, tip, one and a half control periods."""
-    reversal_rad: Annotated[float, bounded(0, 1, "rad")] = 0.001
-    """Changes of the desired bend below this do not reverse the handles [rad], 0 to 1."""
-    identify_every_s: Annotated[float, bounded(0.02, 1e9, "s")] = 2.0
-    """Time between identifications [s], 0.02 to 1e9; longer than the run leaves the initial
-    model."""
     capstan: StrictBool = True
     """Whether a capstan model is searched for, in addition to the plays."""
-    damping: Annotated[float, bounded(0, 1)] = 0.8
-    """Fraction of the step from the old to the identified weights [1], 0 to 1."""
-    busy_per_s: Annotated[float, bounded(0.001, 1e9, "1/s")] = 3.0
-    """Reversals per second above which it becomes cautious, until there are half as many, 0.001 to
-    1e9. Assumed: strokes have 0.5."""
-    swing_rad: Annotated[float, bounded(1e-6, 10, "rad")] = 0.1
-    """Motion back that counts as a reversal [rad], 1e-6 to 10. Assumed: less is noise."""
+    dead_zones: StrictBool = True
+    """Whether dead zones are fitted, in addition to plays."""
+    background: StrictBool = True
+    """Whether the camera's rotation, measured on the background, is used."""
+    regression: StrictBool = True
+    """Whether the target's place is regressed on its past."""
 
     def __post_init__(self) -> None:
         settle(self, "predictive")
@@ -71,3 +65,5 @@ class SinglePredictiveSettings(PredictiveSettings):
     1e6. Assumed."""
     harmonic: StrictBool = False
     """Whether periodic motion is searched for."""
+    regression: StrictBool = False
+    """Whether the target's place is regressed on its past."""

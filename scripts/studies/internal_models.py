@@ -20,7 +20,7 @@ import numpy as np
 
 from endolock.control.identification import fits
 from endolock.control.identification.handle_log import HandleLog
-from endolock.control.predictive.axis_plays import RADII
+from endolock.control.predictive.handle_history import RADII
 from endolock.control.transmission.both_axes import CableTransmission
 from endolock.control.transmission.kinematics import SectionGeometry
 from endolock.control.transmission.linear_process import image_gain
@@ -64,7 +64,7 @@ def _models(log: HandleLog, own: Vector) -> dict[str, Callable[[], Vector]]:
             (_fitted_plays(log, (r,)) for r in RADII[:5]),  # wider plays hardly move
             key=lambda bend: float((bend - log.bend).var(axis=0).sum()),
         ),
-        "plays, best weights for the whole run": lambda: _fitted_plays(log, RADII),
+        "plays, best weights for the whole run": lambda: _fitted_plays(log, tuple(RADII.tolist())),
         "capstan, parameters known": lambda: _capstan(log, known),
         "capstan, fitted to the first half": lambda: _capstan(log, _fitted_cable(log)),
         "model in use by the lock at the time": lambda: own,

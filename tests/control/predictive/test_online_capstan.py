@@ -33,6 +33,7 @@ TRUE = CapstanParameters(
     conduit_exponent=0.7,
     section_friction=0.2,
     log_stiffness=START.log_stiffness + 0.2,
+    handle_gain=1.0,
     slack_m=-3e-3,
     video_turn_rad=0.05,
     shift_s=0.02,

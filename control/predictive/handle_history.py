@@ -1,0 +1,138 @@
+"""History of the handles, and of the columns from which a bend is made of them.
+
+Per axis the columns are plays of the handle angle h, which have memory, and dead zones, which have
+none:
+
+    z_i <- min(max(z_i, h - r_i), h + r_i),        max(h - s_j, 0) + min(h + s_j, 0).
+
+A bend is a weighted sum of columns with weights >= 0, so it never falls while the handle rises.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from endolock.control.transmission.kinematics import Pair
+from endolock.control.transmission.linear_process import BEND_PER_HANDLE
+from endolock.hw.api import Vector
+
+RADII = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7])
+"""Half-widths r_i of the plays [rad], for loops of up to 0.45 of 180 deg."""
+DEAD_ZONES = np.array([0.1, 0.2, 0.3, 0.45])
+"""Half-widths s_j of the dead zones [rad]. Assumed: slack of up to 50 deg at the handle."""
+PLAYS, COLUMNS = len(RADII), len(RADII) + len(DEAD_ZONES)
+"""Number of plays, and of all columns."""
+HALF_WIDTHS = np.concatenate([RADII, DEAD_ZONES])
+"""Half-width of each column [rad]."""
+PRIOR = np.array([BEND_PER_HANDLE, *[0.0] * (COLUMNS - 1)])
+"""Weights without any knowledge [rad/rad]: no hysteresis, as over-compensation loses targets."""
+ROOM = 4096
+"""Number of ticks for which there is room: 80 s; a quarter is dropped when it is full."""
+
+
+class HandleHistory:
+    """Handle angles and columns of both axes at the ticks.
+
+    Args:
+        handles: handle angles at the start [rad], on which the plays are centred.
+    """
+
+    def __init__(self, handles: Pair) -> None:
+        self._times = np.zeros(ROOM)
+        self._handles = np.zeros((ROOM, 2))
+        self._columns = np.zeros((ROOM, 2, COLUMNS))
+        self._count = 0
+        self.handles = np.array(handles)
+        """Newest handle angles [rad]."""
+        self.outputs = np.repeat(self.handles[:, None], PLAYS, axis=1)
+        """Newest outputs of the plays, 2 x `PLAYS` [rad]."""
+
+    @property
+    def times(self) -> Vector:
+        """Times of the ticks, n [s]."""
+        return self._times[: self._count]
+
+    @property
+    def angles(self) -> Vector:
+        """Handle angles at the ticks, n x 2 [rad]."""
+        return self._handles[: self._count]
+
+    @property
+    def columns(self) -> Vector:
+        """Columns at the ticks, n x 2 x `COLUMNS` [rad]."""
+        return self._columns[: self._count]
+
+    def follow(self, t: float, handles: Pair) -> None:
+        """Add the measured handle angles of one tick [rad]; one that is not newer is ignored."""
+        n = self._count
+        if n and t <= self._times[n - 1]:
+            return
+        if n == ROOM:
+            n -= ROOM // 4
+            for array in (self._times, self._handles, self._columns):
+                array[:n] = array[ROOM // 4 :].copy()
+        self.handles = np.array(handles)
+        h = self.handles[:, None]
+        self.outputs = np.clip(self.outputs, h - RADII, h + RADII)
+        self._times[n], self._handles[n] = t, handles
+        self._columns[n] = columns_of(self.outputs, self.handles)
+        self._count = n + 1
+
+    def columns_at(self, t: Vector) -> Vector:
+        """Columns at any times, between ticks by linear interpolation, m x 2 x `COLUMNS` [rad]."""
+        times = self.times
+        if len(times) == 1:
+            return np.repeat(self.columns, len(t), axis=0)
+        after = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
+        start = times[after - 1]
+        share = np.clip((t - start) / (times[after] - start), 0.0, 1.0)[:, None, None]
+        found: Vector = (1 - share) * self.columns[after - 1] + share * self.columns[after]
+        return found
+
+
+def columns_of(outputs: Vector, handles: Vector) -> Vector:
+    """Columns of both axes from outputs of the plays and handle angles, 2 x `COLUMNS` [rad]."""
+    h = handles[:, None]
+    zones = np.maximum(h - DEAD_ZONES, 0.0) + np.minimum(h + DEAD_ZONES, 0.0)
+    return np.concatenate([outputs, zones], axis=1)
+
+
+def handle_for(
+    weights: Vector, outputs: Vector, handle: float, bend: float, *, reach: float
+) -> float:
+    """Nearest handle angle at which the columns of one axis give a bend [rad].
+
+    The bend is piecewise linear in the handle angle, from the present state of the plays.
+
+    Args:
+        weights: weight of each column, `COLUMNS` [rad/rad], >= 0, not all 0.
+        outputs: present outputs of the plays, `PLAYS` [rad].
+        handle: present handle angle [rad].
+        bend: desired bend [rad].
+        reach: largest handle angle [rad].
+    """
+    corners = np.concatenate(
+        [outputs - RADII, outputs + RADII, DEAD_ZONES, -DEAD_ZONES, [handle, -reach, reach]]
+    )
+    corners = np.sort(np.clip(corners, -reach, reach))
+    h = corners[:, None]
+    plays = np.clip(outputs[None], h - RADII, h + RADII)
+    zones = np.maximum(h - DEAD_ZONES, 0.0) + np.minimum(h + DEAD_ZONES, 0.0)
+    bends = np.concatenate([plays, zones], axis=1) @ weights
+    at = int(np.searchsorted(corners, handle))
+    present = float(bends[at])
+    if bend > present:
+        n = int(np.searchsorted(bends, bend))
+        if n >= len(bends):
+            return reach
+    elif bend < present:
+        n = int(np.searchsorted(bends, bend, side="right"))
+        if n == 0:
+            return -reach
+    else:
+        return handle
+    rise = float(bends[n] - bends[n - 1]) if n < len(bends) else 0.0
+    if n >= len(bends) or rise <= 0.0:
+        return float(corners[min(n, len(bends) - 1)])
+    share = (bend - float(bends[n - 1])) / rise
+    return float(corners[n - 1] + share * (corners[n] - corners[n - 1]))

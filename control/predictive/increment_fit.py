@@ -1,0 +1,148 @@
+"""Weights of the transmission from increments of the bend, by regression.
+
+The background tells how the tip has turned between two frames: an increment y of the bend, for an
+increment x of the columns of control/predictive/handle_history.py. Both are summed with a memory of
+`LEAK_S`, so that the drift of the sums is forgotten while slow motion still counts, and
+
+    min over w >= 0:  |y - X w|^2 / (n s^2) + |w - w0|^2 / a^2 + (sum w - sum w0)^2 / b^2
+                      + 2 k sum r w,
+
+with s^2 the larger of noise and residual, n the number of frames over which a sum is correlated,
+and r the half-width of a column: with little evidence loops stay narrow. X'X, X'y and y'y are kept
+with a memory of `KEEP_S` for several delays of the video; the delay is where the residual is least.
+
+Reference:
+    C. L. Lawson and R. J. Hanson, Solving Least Squares Problems, 1974, ch. 23 (non-negative
+    weights).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from endolock.control.predictive.handle_history import COLUMNS, HALF_WIDTHS, PLAYS, PRIOR
+from endolock.hw.api import Vector
+
+SHIFTS_S = np.array([-0.16, -0.12, -0.08, -0.04, 0.0, 0.04, 0.08, 0.12, 0.16])
+"""Delays of the exposures relative to their believed times that are compared [s]."""
+LEAK_S, KEEP_S = 1.0, 30.0
+"""Time constants of the sums and of the evidence [s]. Assumed."""
+WEIGHT_STD, SLOPE_STD, WIDTH_PRICE = 0.4, 0.15, 30.0
+"""a and b [rad/rad], and k [1/rad]. Assumed: slopes differ by 15 % between instruments."""
+
+
+class FittedAxis(NamedTuple):
+    """Weights of one axis and what is known of them."""
+
+    weights: Vector
+    """Of each column, >= 0 [rad/rad]."""
+    residual: float
+    """Variance of the sums that the weights do not explain [rad2]."""
+    width_std: float
+    """Standard deviation of the mean loop width, sum w 2r / sum w [rad]."""
+
+
+class IncrementFit:
+    """Evidence of both axes, for every delay."""
+
+    def __init__(self) -> None:
+        count = len(SHIFTS_S)
+        self._x = np.zeros((count, 2, COLUMNS))
+        self._y = np.zeros(2)
+        self._y_noise = np.zeros(2)
+        self._xx = np.zeros((count, 2, COLUMNS, COLUMNS))
+        self._xy = np.zeros((count, 2, COLUMNS))
+        self._yy = np.zeros(2)
+        self._noise = np.zeros(2)
+        self.count = 0.0
+        """Number of frames that count."""
+        self._dt = 0.04
+
+    @property
+    def independent(self) -> float:
+        """Number of frames over the number that their sums are correlated for."""
+        return self.count * self._dt / LEAK_S
+
+    def add(self, columns: Vector, bend: Vector, variance: Vector, dt: float) -> None:
+        """Add one increment.
+
+        Args:
+            columns: increments of the columns for each delay, `SHIFTS_S` x 2 x `COLUMNS` [rad].
+            bend: increments of the bends, 2 [rad].
+            variance: their variances, 2 [rad2].
+            dt: time between the frames [s].
+        """
+        leak, keep = np.exp(-dt / LEAK_S), np.exp(-dt / KEEP_S)
+        self._dt += 0.1 * (dt - self._dt)
+        self._x = leak * self._x + columns
+        self._y = leak * self._y + bend
+        self._y_noise = leak**2 * self._y_noise + variance
+        self._xx = keep * self._xx + self._x[..., None] * self._x[..., None, :]
+        self._xy = keep * self._xy + self._x * self._y[:, None]
+        self._yy = keep * self._yy + self._y**2
+        self._noise = keep * self._noise + self._y_noise
+        self.count = keep * self.count + 1
+
+    def discount(self, factor: float) -> None:
+        """Let the evidence so far count less, by a factor below 1."""
+        for array in (self._xx, self._xy, self._yy, self._noise):
+            array *= factor
+        self.count *= factor
+
+    def solve(self, axis: int, shift: float, dead_zones: bool) -> FittedAxis:
+        """Fit the weights of an axis.
+
+        Args:
+            axis: 0 or 1.
+            shift: delay of the exposures [s].
+            dead_zones: whether dead zones may have weights.
+        """
+        from scipy.optimize import nnls  # see prepare
+
+        count = max(self.count, 1.0)
+        low = int(np.clip(np.searchsorted(SHIFTS_S, shift) - 1, 0, len(SHIFTS_S) - 2))
+        part = float(np.clip((shift - SHIFTS_S[low]) / (SHIFTS_S[low + 1] - SHIFTS_S[low]), 0, 1))
+        k = COLUMNS if dead_zones else PLAYS
+        xx = ((1 - part) * self._xx[low, axis] + part * self._xx[low + 1, axis])[:k, :k]
+        xy = ((1 - part) * self._xy[low, axis] + part * self._xy[low + 1, axis])[:k]
+        yy, noise = float(self._yy[axis]), float(self._noise[axis]) / count
+        prior, half = PRIOR[:k], HALF_WIDTHS[:k]
+        variance = max(noise, 1e-7)
+        weights = prior
+        for _ in range(2):
+            scale = variance * LEAK_S / self._dt
+            a = xx / scale + np.eye(k) / WEIGHT_STD**2 + 1 / SLOPE_STD**2
+            b = xy / scale + prior / WEIGHT_STD**2 + prior.sum() / SLOPE_STD**2
+            b = b - WIDTH_PRICE * half
+            root = np.linalg.cholesky(a + 1e-9 * np.eye(k))
+            weights, _ = nnls(root.T, np.linalg.solve(root, b))
+            residual = max(yy - 2 * weights @ xy + weights @ xx @ weights, 0.0) / count
+            variance = max(noise, residual, 1e-7)
+        slope = max(float(weights.sum()), 1e-6)
+        gradient = 2 * (half - (weights @ half) / slope) / slope
+        spread = gradient @ np.linalg.solve(a, gradient)
+        full = np.zeros(COLUMNS)
+        full[:k] = weights
+        return FittedAxis(full, residual, float(np.sqrt(max(spread, 0.0))))
+
+    def unexplained(self, axis: int, weights: Vector) -> Vector:
+        """Variance that weights leave unexplained, for each delay of `SHIFTS_S` [rad2]."""
+        xx, xy = self._xx[:, axis], self._xy[:, axis]
+        left = self._yy[axis] - 2 * xy @ weights + np.einsum("i,sij,j->s", weights, xx, weights)
+        result: Vector = np.maximum(left, 0.0) / max(self.count, 1.0)
+        return result
+
+    def moved(self, axis: int) -> float:
+        """Variance of the sums of the handle's motion [rad2]."""
+        return float(self._xx[len(SHIFTS_S) // 2, axis, 0, 0]) / max(self.count, 1.0)
+
+    def explained(self, axis: int) -> float:
+        """Variance of the sums of the bend [rad2]."""
+        return float(self._yy[axis]) / max(self.count, 1.0)
+
+
+def prepare() -> None:
+    """Load the modules that `IncrementFit` needs, which takes too long for a tick."""
+    import scipy.optimize  # noqa: F401

@@ -1,0 +1,187 @@
+"""Reference play of one axis: which motions of the target the handle follows, at one stated price.
+
+The desired bend follows the predicted place of the target with a play, so that noise and small
+motions do not turn the handle back and forth through its loop. In the direction of motion it stays
+a lag of `LAG` r behind; it turns back once the mean prediction over the next moments is 2 r - lag
+on the other side. Plays of several half-widths r run side by side on the same predictions. Each is
+charged for what it would have cost,
+
+    J = ln(e^2 + 1 px^2) + v / PRICE_RAD_S,
+
+with e its rms error against the places seen later, and v the travel of the handle per second, a
+width of the loop at every turn. The cheapest is used. The last one only drifts with the mean of the
+target's place, as good as never moving. Where the bend is not measured, what the offsets that were
+really seen exceed the e of the play in use by is charged to all others: a wrong model of the
+transmission makes motion look better than it is.
+
+Reference:
+    K. J. Astrom and B. Bernhardsson, Systems with Lebesgue sampling, 2003 (act only on deviations
+    that are worth it).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import exp
+
+import numpy as np
+
+from endolock.hw.api import Vector
+
+REACHES_RAD = np.array([0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.048, 0.064, 0.09, 10.0])
+"""Half-widths r that are compared [rad]; the last one stands for no play but a slow mean."""
+MEAN_S = 10.0
+"""Time constant of that mean [s]. Assumed."""
+LAG = 0.6
+"""Distance behind the prediction while following it, in r [1]. Source: tuned on random motions;
+1 is a plain play."""
+PRICE_RAD_S = 0.8
+"""Travel of the handle per second that is worth a mean squared error e times smaller [rad/s].
+Assumed: breathing of 10 mm is followed, a heartbeat of 1.5 mm is not."""
+MEMORY_S = 10.0
+"""Time constant of errors and travel [s]. Assumed: two or three turns of the target."""
+JUDGED_S = 1.5
+"""Time over which the plays are compared before one is chosen [s]. Assumed."""
+CLEARLY = 0.05
+"""Gain in J above which another play is chosen [1]."""
+START = 4
+"""Index of the first play."""
+LEAST_RAD = 1e-9
+"""Motion that shows a turn [rad]."""
+
+
+class ReferencePlay:
+    """The plays of one axis, side by side, and the one in use.
+
+    Args:
+        place: where all of them start [rad].
+    """
+
+    def __init__(self, place: float) -> None:
+        count = len(REACHES_RAD)
+        self._places = np.full(count, place)
+        self._directions = np.zeros(count)
+        self._errors = np.zeros(count)
+        self._travel = np.zeros(count)
+        self._judged_s = self._moved_s = 0.0
+        self._off = self._excess = 0.0
+        self._said: deque[tuple[float, Vector]] = deque()
+        self._chosen = START
+        self._place, self._direction = np.full(1, place), np.zeros(1)
+
+    @property
+    def reach_rad(self) -> float:
+        """Half-width of the play in use [rad]."""
+        return float(REACHES_RAD[self._chosen])
+
+    @property
+    def place(self) -> float:
+        """Output of the play in use [rad]."""
+        return float(self._place[0])
+
+    @property
+    def direction(self) -> float:
+        """Direction of its last motion: 1, -1, or 0 before any."""
+        return float(self._direction[0])
+
+    def follow(
+        self, when: float, aim: float, mean: float, *, dt: float, slope: float, width: float
+    ) -> float:
+        """Move all plays; return the output of the one in use [rad].
+
+        Args:
+            when: time for which the target is predicted [s].
+            aim: predicted place at that time [rad].
+            mean: mean prediction over the moments after it [rad].
+            dt: time since the last call [s].
+            slope: bend per handle angle [rad/rad].
+            width: width of the loop at the handle [rad].
+        """
+        before, turned = self._places, self._directions
+        self._places, self._directions = _followed(before, turned, aim, mean, REACHES_RAD)
+        self._places[-1] = before[-1] + min(dt / MEAN_S, 1.0) * (aim - before[-1])
+        self._directions[-1] = np.sign(aim - before[-1])
+        turns = (self._directions != turned) & (turned != 0)
+        moved = np.abs(self._places - before) / slope + turns * width
+        self._moved_s += dt
+        share = max(1 - exp(-dt / MEMORY_S), dt / self._moved_s)
+        self._travel += share * (moved / dt - self._travel)
+        self._said.append((when, self._places))
+        if self._chosen == len(REACHES_RAD) - 1:
+            self._place, self._direction = self._places[-1:], self._directions[-1:]
+        else:
+            reach = REACHES_RAD[self._chosen : self._chosen + 1]
+            self._place, self._direction = _followed(self._place, self._direction, aim, mean, reach)
+        return self.place
+
+    def ahead(self, aims: Vector) -> float:
+        """Output of the play in use after more predictions, which leaves it unchanged [rad]."""
+        place, direction = self._place, self._direction
+        reach = REACHES_RAD[self._chosen : self._chosen + 1]
+        for aim in aims:
+            place, direction = _followed(place, direction, float(aim), float(aims[-1]), reach)
+        return float(place[0])
+
+    def judge(self, t: float, seen: float, off: float | None, px_per_rad: float) -> None:
+        """Compare the plays with where the target was seen, and choose one.
+
+        Args:
+            t: time of the exposure [s].
+            seen: place of the target at that time [rad].
+            off: its offset from the optical axis at that time [rad]; None where the bend is
+                measured.
+            px_per_rad: pixels per bend [px/rad].
+        """
+        due: tuple[float, Vector] | None = None
+        while self._said and self._said[0][0] <= t:
+            due = self._said.popleft()
+        if due is None or t - due[0] > 0.1:  # nothing was said for this time
+            return
+        dt = 0.04
+        self._judged_s += dt
+        share = max(1 - exp(-dt / MEMORY_S), dt / self._judged_s)
+        self._errors += share * ((px_per_rad * (due[1] - seen)) ** 2 - self._errors)
+        moving = self._chosen < len(REACHES_RAD) - 1
+        charged = self._errors + 1.0
+        if off is not None:
+            if moving:
+                self._off += share * ((px_per_rad * off) ** 2 - self._off)
+                self._excess = max(self._off - float(self._errors[self._chosen]), 0.0)
+            charged[:-1] += self._excess
+        if self._judged_s < JUDGED_S:
+            return
+        costs = np.log(charged) + self._travel / PRICE_RAD_S
+        best = int(np.argmin(costs))
+        if costs[best] < costs[self._chosen] - CLEARLY:
+            self._chosen = best
+
+    def move(self, by: float) -> None:
+        """Shift all outputs by a change of the model [rad]."""
+        self._places = self._places + by
+        self._place = self._place + by
+        self._said = deque((when, places + by) for when, places in self._said)
+
+    def restart(self, place: float) -> None:
+        """Put all outputs at a place [rad], as after a gap; what was learnt is kept."""
+        self._places = np.full(len(REACHES_RAD), place)
+        self._place = np.full(1, place)
+        self._directions, self._direction = np.zeros(len(REACHES_RAD)), np.zeros(1)
+        self._said.clear()
+
+
+def _followed(
+    places: Vector, directions: Vector, aim: float, mean: float, reaches: Vector
+) -> tuple[Vector, Vector]:
+    """Outputs and directions of plays after one prediction."""
+    lags = LAG * reaches
+    turn = 2 * reaches - lags
+    up = ((directions >= 0) & (aim - lags > places)) | (
+        (directions < 0) & (mean > places + turn) & (aim > places)
+    )
+    down = ((directions <= 0) & (aim + lags < places)) | (
+        (directions > 0) & (mean < places - turn) & (aim < places)
+    )
+    raised = np.maximum(aim - lags, places + LEAST_RAD)
+    lowered = np.minimum(aim + lags, places - LEAST_RAD)
+    new = np.where(up, raised, np.where(down, lowered, places))
+    return new, np.where(up, 1.0, np.where(down, -1.0, directions))
