@@ -73,7 +73,7 @@ class HandleHistory:
                 array[:n] = array[ROOM // 4 :].copy()
         self.handles = np.array(handles)
         h = self.handles[:, None]
-        self.outputs = np.clip(self.outputs, h - RADII, h + RADII)
+        self.outputs = np.minimum(np.maximum(self.outputs, h - RADII), h + RADII)
         self._times[n], self._handles[n] = t, handles
         self._columns[n] = columns_of(self.outputs, self.handles)
         self._count = n + 1
@@ -83,9 +83,10 @@ class HandleHistory:
         times = self.times
         if len(times) == 1:
             return np.repeat(self.columns, len(t), axis=0)
-        after = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
+        after = np.minimum(np.maximum(np.searchsorted(times, t), 1), len(times) - 1)
         start = times[after - 1]
-        share = np.clip((t - start) / (times[after] - start), 0.0, 1.0)[:, None, None]
+        share = (t - start) / (times[after] - start)
+        share = np.minimum(np.maximum(share, 0.0), 1.0)[:, None, None]
         found: Vector = (1 - share) * self.columns[after - 1] + share * self.columns[after]
         return found
 
@@ -111,28 +112,34 @@ def handle_for(
         bend: desired bend [rad].
         reach: largest handle angle [rad].
     """
-    corners = np.concatenate(
-        [outputs - RADII, outputs + RADII, DEAD_ZONES, -DEAD_ZONES, [handle, -reach, reach]]
-    )
-    corners = np.sort(np.clip(corners, -reach, reach))
-    h = corners[:, None]
-    plays = np.clip(outputs[None], h - RADII, h + RADII)
-    zones = np.maximum(h - DEAD_ZONES, 0.0) + np.minimum(h + DEAD_ZONES, 0.0)
-    bends = np.concatenate([plays, zones], axis=1) @ weights
-    at = int(np.searchsorted(corners, handle))
-    present = float(bends[at])
-    if bend > present:
-        n = int(np.searchsorted(bends, bend))
-        if n >= len(bends):
-            return reach
-    elif bend < present:
-        n = int(np.searchsorted(bends, bend, side="right"))
-        if n == 0:
-            return -reach
-    else:
+    used = [
+        (weight, radius, output)
+        for weight, radius, output in zip(
+            weights[:PLAYS].tolist(), RADII.tolist(), outputs.tolist(), strict=True
+        )
+        if weight
+    ]
+    zones = [
+        (weight, half)
+        for weight, half in zip(weights[PLAYS:].tolist(), DEAD_ZONES.tolist(), strict=True)
+        if weight
+    ]
+
+    def bend_at(h: float) -> float:
+        plays = sum(w * min(max(z, h - r), h + r) for w, r, z in used)
+        return plays + sum(w * (max(h - s, 0.0) + min(h + s, 0.0)) for w, s in zones)
+
+    present = bend_at(handle)
+    if bend == present:
         return handle
-    rise = float(bends[n] - bends[n - 1]) if n < len(bends) else 0.0
-    if n >= len(bends) or rise <= 0.0:
-        return float(corners[min(n, len(bends) - 1)])
-    share = (bend - float(bends[n - 1])) / rise
-    return float(corners[n - 1] + share * (corners[n] - corners[n - 1]))
+    edges = [z + side * r for _, r, z in used for side in (-1, 1)]
+    edges += [side * s for _, s in zones for side in (-1, 1)]
+    way = 1.0 if bend > present else -1.0
+    ahead = [edge for edge in edges if way * edge > way * handle and abs(edge) < reach]
+    last, at = present, handle
+    for corner in sorted([*ahead, way * reach], reverse=way < 0):
+        there = bend_at(corner)
+        if way * there >= way * bend:
+            return at + (bend - last) / (there - last) * (corner - at)
+        last, at = there, corner
+    return way * reach

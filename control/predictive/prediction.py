@@ -75,6 +75,7 @@ class TargetPrediction:
         self._names = ["stays", *(f"velocity_{n + 1}" for n in range(len(densities)))]
         self._names += ["regression"] if regression else []
         self._names += ["harmonic", "repeats"] if harmonic else []
+        self._repeats = len(self._names) - 1 if harmonic else -1
         start = sqrt(walk_density)  # of a random walk in one second
         self._blends = [PredictionBlend(len(self._names), start) for _ in range(2)]
         self._past = PlaceHistory()
@@ -86,7 +87,6 @@ class TargetPrediction:
         self._present: list[list[bool]] = [[], []]
         self._repeat_off = [0.0, 0.0]
         self._surprise: list[list[float]] = [[], []]
-        self._but_repeats = [float(name != "repeats") for name in self._names]  # they follow anyway
 
     @property
     def error_rad(self) -> Pair:
@@ -147,11 +147,8 @@ class TargetPrediction:
         """Predict the place at a time, from that of the newest place on [rad]."""
         if self._t is None:
             return 0.0, 0.0
-        first, second = (
-            blend.blended(self._each(axis, t - self._t, blend.shares))
-            for axis, blend in enumerate(self._blends)
-        )
-        return first, second
+        dt = t - self._t
+        return self._blended(0, dt), self._blended(1, dt)
 
     def stays_at(self) -> Pair:
         """Return the filtered newest place [rad]."""
@@ -242,7 +239,7 @@ class TargetPrediction:
         for axis, squared in enumerate(variance):
             self._surprise[axis] = []
             noise, stays = SURPRISE * sqrt(squared), self._filters[axis][0].place
-            for x in self._each(axis, 0.0, self._but_repeats):
+            for x in self._each(axis, 0.0, repeats=False):  # which follow anyway
                 off = stays - x if x is not None else 0.0
                 self._surprise[axis].append(off - min(max(off, -noise), noise))
 
@@ -250,32 +247,51 @@ class TargetPrediction:
         places: Vector = np.interp(times, self._past.times, self._past.places[axis])
         return places
 
-    def _each(
-        self, axis: int, dt: float, shares: Sequence[float] | None = None
-    ) -> list[float | None]:
-        """Prediction of each predictor a time after the newest place [rad].
-
-        It is None without one, and, where shares are given, if its share is 0.
-        """
-        assert self._t is not None
-        filters = self._filters[axis]
-        near = min(dt, self._horizon + PREVIEW_S)  # in a gap, velocity ends there
-        each: list[float | None] = [one.ahead(near) for one in filters]
-        if self._regression:
-            each.append(self._regression.ahead(axis, near))
-        if self._periods:
-            fit = self._periods.fits[axis]
-            harmonic, repeats = shares[-2:] if shares else (1.0, 1.0)
-            each.append(fit.at(self._t + dt) if fit and harmonic else None)
-            each.append(self._repeated(axis, fit, dt) if fit and repeats else None)
-        stays = filters[0].place
-        reach = REACH * self._reach[axis] * max(1.0, dt / max(self._horizon, 1e-3))
-        low, high = stays - reach, stays + reach
+    def _each(self, axis: int, dt: float, repeats: bool = True) -> list[float | None]:
+        """Prediction of each predictor a time after the newest place [rad]; None without one."""
+        each = [
+            None if n == self._repeats and not repeats else self._one(axis, n, dt)
+            for n in range(len(self._names))
+        ]
+        low, high = self._bounds(axis, dt)
         surprise = self._surprise[axis] or [0.0] * len(each)
         return [
             x if x is None else min(max(x + off, low), high)
             for x, off in zip(each, surprise, strict=True)
         ]
+
+    def _blended(self, axis: int, dt: float) -> float:
+        """Blend of the predictors that have a share, a time after the newest place [rad]."""
+        found = stays = self._filters[axis][0].place
+        low, high = self._bounds(axis, dt)
+        surprise = self._surprise[axis]
+        for n, share in enumerate(self._blends[axis].shares):
+            if n and share:
+                x = self._one(axis, n, dt)
+                if x is not None:
+                    found += share * (min(max(x + surprise[n], low), high) - stays)
+        return found
+
+    def _bounds(self, axis: int, dt: float) -> Pair:
+        """Range within which the target may be a time after the newest place [rad]."""
+        stays = self._filters[axis][0].place
+        reach = REACH * self._reach[axis] * max(1.0, dt / max(self._horizon, 1e-3))
+        return stays - reach, stays + reach
+
+    def _one(self, axis: int, n: int, dt: float) -> float | None:
+        """Prediction of one predictor a time after the newest place [rad]; None without one."""
+        assert self._t is not None
+        filters = self._filters[axis]
+        near = min(dt, self._horizon + PREVIEW_S)  # in a gap, velocity ends there
+        if n < len(filters):
+            return filters[n].ahead(near)
+        if self._regression and n == len(filters):
+            return self._regression.ahead(axis, near)
+        assert self._periods
+        fit = self._periods.fits[axis]
+        if not fit:
+            return None
+        return self._repeated(axis, fit, dt) if n == self._repeats else fit.at(self._t + dt)
 
     def _repeated(self, axis: int, fit: Fit, dt: float) -> float | None:
         """Place one period ago, corrected by the newest ones [rad]; None if it is too long ago."""

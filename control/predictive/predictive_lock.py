@@ -331,21 +331,22 @@ class Predictive:
                     width=float(widths[axis]),
                 )
                 part = early[axis] / PREVIEW_S
-                soon[axis] = play.ahead(np.interp([part / 2, part], PREVIEW, seen[:, axis]))
+                aims = np.interp([part / 2, part], PREVIEW, seen[:, axis])
+                soon[axis] = play.ahead(aims.tolist())
         present = model.bend
         now = model.handles_for(wanted, pi)
-        then = model.handles_for(soon, pi) if np.any(soon != wanted) else now
+        facing = memory.plays[0].direction, memory.plays[1].direction
+        turns = ((soon - present) * facing < 0).any()
+        then = model.handles_for(soon, pi) if turns else now
         goals = []
         for axis, play in enumerate(memory.plays):
             old, goal, ahead = memory.goals[axis], now[axis], then[axis]
-            handle, facing = float(model.history.handles[axis]), play.direction
+            handle, way = float(model.history.handles[axis]), facing[axis]
             beyond = abs(float(wanted[axis] - present[axis]))
-            if (ahead - handle) * facing < 0 <= (goal - handle) * facing:  # a turn is foreseen
+            if (ahead - handle) * way < 0 <= (goal - handle) * way:  # a turn is foreseen
                 left = EARLY * SPEED_RAD_S * float(early[axis])
                 goal = min(max(goal, ahead - left), ahead + left)
-            elif (goal - old) * facing < 0 and beyond < max(
-                SLACK_RAD, SLACK_SHARE * play.reach_rad
-            ):
+            elif (goal - old) * way < 0 and beyond < max(SLACK_RAD, SLACK_SHARE * play.reach_rad):
                 goal = old  # not worth the way back through the loop
             hurry = HURRY if beyond > HURRY_RAD else 1.0
             speed = SPEED_RAD_S * max(hurry, memory.target.error_rad[axis] / UNSURE_RAD)

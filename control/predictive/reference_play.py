@@ -22,6 +22,7 @@ Reference:
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from math import exp
 
 import numpy as np
@@ -67,7 +68,7 @@ class ReferencePlay:
         self._off = self._excess = 0.0
         self._said: deque[tuple[float, Vector]] = deque()
         self._chosen = START
-        self._place, self._direction = np.full(1, place), np.zeros(1)
+        self._place, self._direction = place, 0.0
 
     @property
     def reach_rad(self) -> float:
@@ -77,12 +78,12 @@ class ReferencePlay:
     @property
     def place(self) -> float:
         """Output of the play in use [rad]."""
-        return float(self._place[0])
+        return self._place
 
     @property
     def direction(self) -> float:
         """Direction of its last motion: 1, -1, or 0 before any."""
-        return float(self._direction[0])
+        return self._direction
 
     def follow(
         self, when: float, aim: float, mean: float, *, dt: float, slope: float, width: float
@@ -108,19 +109,19 @@ class ReferencePlay:
         self._travel += share * (moved / dt - self._travel)
         self._said.append((when, self._places))
         if self._chosen == len(REACHES_RAD) - 1:
-            self._place, self._direction = self._places[-1:], self._directions[-1:]
+            self._place = float(self._places[-1])
+            self._direction = float(self._directions[-1])
         else:
-            reach = REACHES_RAD[self._chosen : self._chosen + 1]
-            self._place, self._direction = _followed(self._place, self._direction, aim, mean, reach)
-        return self.place
+            reach = self.reach_rad
+            self._place, self._direction = _one(self._place, self._direction, aim, mean, reach)
+        return self._place
 
-    def ahead(self, aims: Vector) -> float:
+    def ahead(self, aims: Sequence[float]) -> float:
         """Output of the play in use after more predictions, which leaves it unchanged [rad]."""
         place, direction = self._place, self._direction
-        reach = REACHES_RAD[self._chosen : self._chosen + 1]
         for aim in aims:
-            place, direction = _followed(place, direction, float(aim), float(aims[-1]), reach)
-        return float(place[0])
+            place, direction = _one(place, direction, aim, aims[-1], self.reach_rad)
+        return place
 
     def judge(self, t: float, seen: float, off: float | None, px_per_rad: float) -> None:
         """Compare the plays with where the target was seen, and choose one.
@@ -164,8 +165,8 @@ class ReferencePlay:
     def restart(self, place: float) -> None:
         """Put all outputs at a place [rad], as after a gap; what was learnt is kept."""
         self._places = np.full(len(REACHES_RAD), place)
-        self._place = np.full(1, place)
-        self._directions, self._direction = np.zeros(len(REACHES_RAD)), np.zeros(1)
+        self._place = place
+        self._directions, self._direction = np.zeros(len(REACHES_RAD)), 0.0
         self._said.clear()
 
 
@@ -185,3 +186,20 @@ def _followed(
     lowered = np.minimum(aim + lags, places - LEAST_RAD)
     new = np.where(up, raised, np.where(down, lowered, places))
     return new, np.where(up, 1.0, np.where(down, -1.0, directions))
+
+
+def _one(
+    place: float, direction: float, aim: float, mean: float, reach: float
+) -> tuple[float, float]:
+    """Output and direction of one play: `_followed` in plain numbers, which is ten times faster."""
+    lag = LAG * reach
+    turn = 2 * reach - lag
+    if (direction >= 0 and aim - lag > place) or (
+        direction < 0 and mean > place + turn and aim > place
+    ):
+        return max(aim - lag, place + LEAST_RAD), 1.0
+    if (direction <= 0 and aim + lag < place) or (
+        direction > 0 and mean < place - turn and aim < place
+    ):
+        return min(aim + lag, place - LEAST_RAD), -1.0
+    return place, direction
