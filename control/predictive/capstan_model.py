@@ -7,6 +7,7 @@ simulated up to the present, a few ticks per tick, and then replaces the model t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import cos, sin
 
 import numpy as np
 
@@ -157,3 +158,8 @@ class CapstanModel:
         self._keep(capstan.bends[-min(len(times), ROOM // 2) :])
         self.found_s = self._window_s
         return True
+
+
+def rotation(angle: float) -> Vector:
+    """Rotation from axes of the video to those of the wires, by their angle [rad], 2 x 2."""
+    return np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])

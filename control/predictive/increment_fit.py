@@ -134,6 +134,26 @@ class IncrementFit:
         result: Vector = np.maximum(left, 0.0) / max(self.count, 1.0)
         return result
 
+    def delay(self, weights: Vector) -> tuple[float, float] | None:
+        """Delay of the exposures with the least residual, and its standard deviation [s].
+
+        From a parabola through the three least; None if it opens downwards.
+
+        Args:
+            weights: weights of both axes, 2 x `COLUMNS` [rad/rad].
+        """
+        first, second = (self.unexplained(axis, weights[axis]) for axis in range(2))
+        left = first + second
+        best = int(np.clip(np.argmin(left), 1, len(SHIFTS_S) - 2))
+        below, least, above = left[best - 1 : best + 2]
+        curved = below - 2 * least + above
+        if curved <= 0:
+            return None
+        spacing = float(SHIFTS_S[1] - SHIFTS_S[0])
+        step = float(np.clip(0.5 * (below - above) / curved, -1, 1))
+        spread = 2 * least / (curved * max(self.independent, 1.0))
+        return float(SHIFTS_S[best]) + step * spacing, float(np.sqrt(spread)) * spacing
+
     def moved(self, axis: int) -> float:
         """Variance of the sums of the handle's motion [rad2]."""
         return float(self._xx[len(SHIFTS_S) // 2, axis, 0, 0]) / max(self.count, 1.0)

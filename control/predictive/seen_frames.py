@@ -1,0 +1,79 @@
+"""Frames in which the target was found, and how the tip turned between two of them.
+
+The background shows the camera's rotation w between two frames, in axes of the first. The bend, as
+a rotation vector b, then changes by
+
+    w = J(b) db,     J(b) = 1 - (1 - cos t)/t^2 K + (t - sin t)/t^3 K^2,
+
+with t the size of b and K the cross product with it; b has no part along the axis of the camera.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from endolock.control.transmission.kinematics import LARGEST_BEND_RAD
+from endolock.hw.api import Vector
+
+NEWEST = 10
+"""Number of frames among which the start of a turn is looked for."""
+
+
+class SeenFrame(NamedTuple):
+    """One frame in which the target was found."""
+
+    t: float
+    """Believed time of exposure [s]."""
+    bend: Vector
+    """Bend of the tip at that time, in axes of the video, 2 [rad]."""
+    offset: Vector
+    """Offset of the target from the optical axis, in bends, 2 [rad]."""
+    columns: Vector
+    """Columns at that time, 2 x `COLUMNS` [rad]."""
+    turned: bool
+    """Whether the bend was measured by the background, from the frame before."""
+
+
+def frame_at(frames: list[SeenFrame], t: float) -> SeenFrame | None:
+    """Return the frame believed to be exposed at a time [s], if it is one of the newest."""
+    for frame in reversed(frames[-NEWEST:]):
+        if abs(frame.t - t) < 1e-6:
+            return frame
+    return None
+
+
+def frame_before(frames: list[SeenFrame], t: float) -> SeenFrame | None:
+    """Return the newest frame that is not later than a time [s]."""
+    for frame in reversed(frames):
+        if frame.t <= t:
+            return frame
+    return None
+
+
+def bend_change(turn: Vector, bend: Vector) -> Vector:
+    """Change of the bend, 2 [rad].
+
+    Args:
+        turn: rotation of the camera since a frame, in its axes then, 3 [rad].
+        bend: bend in that frame, 2 [rad].
+    """
+    found = np.linalg.lstsq(right_jacobian(bend)[:, :2], turn, rcond=None)
+    return np.array(found[0])
+
+
+def right_jacobian(bend: Vector) -> Vector:
+    """Derivative of the camera's rotation, in its axes, by the rotation vector of the tip, 3 x 3.
+
+    Args:
+        bend: first two parts of that vector, 2 [rad]; the third is 0.
+    """
+    up_down, left_right = float(bend[0]), float(bend[1])
+    t = min(hypot(up_down, left_right), LARGEST_BEND_RAD)
+    cross = np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
+    if t < 1e-4:
+        return np.eye(3) - cross / 2
+    jacobian: Vector = np.eye(3) - (1 - cos(t)) / t**2 * cross + (t - sin(t)) / t**3 * cross @ cross
+    return jacobian
