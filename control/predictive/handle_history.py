@@ -112,14 +112,14 @@ def handle_for(
         bend: desired bend [rad].
         reach: largest handle angle [rad].
     """
-    used = [
+    used: list[tuple[float, float, float]] = [
         (weight, radius, output)
         for weight, radius, output in zip(
             weights[:PLAYS].tolist(), RADII.tolist(), outputs.tolist(), strict=True
         )
         if weight
     ]
-    zones = [
+    zones: list[tuple[float, float]] = [
         (weight, half)
         for weight, half in zip(weights[PLAYS:].tolist(), DEAD_ZONES.tolist(), strict=True)
         if weight
