@@ -12,7 +12,7 @@ from math import cos, sin
 import numpy as np
 
 from endolock.control.predictive import online_capstan
-from endolock.control.predictive.capstan_rollout import CapstanRollout, axes_of
+from endolock.control.predictive.capstan_rollout import CapstanRollout
 from endolock.control.predictive.handle_history import ROOM, HandleHistory
 from endolock.control.predictive.online_capstan import Search
 from endolock.control.transmission.kinematics import Pair
@@ -88,7 +88,7 @@ class CapstanModel:
         """Handle angles that give a bend from the present state [rad]."""
         assert self.followed is not None
         present, gain = self.bends[-1].tolist(), self.followed.parameters.handle_gain
-        up_down, left_right = axes_of(self.followed.parameters, self.followed.states)
+        up_down, left_right = self.followed.axes
         return (
             up_down.handle_for(bend[0], gain * handles[1], present[1]) / gain,
             left_right.handle_for(bend[1], gain * handles[0], present[0]) / gain,

@@ -45,6 +45,14 @@ class CapstanRollout:
     """States of the two axes; empty at rest."""
     bends: list[Pair] = field(default_factory=list)
     """Bend after each sample simulated so far [rad]."""
+    _axes: tuple[Axis, Axis] | None = None
+
+    @property
+    def axes(self) -> tuple[Axis, Axis]:
+        """Both axes in their present states."""
+        if self._axes is None:
+            self._axes = axes_of(self.parameters, self.states)
+        return self._axes
 
     def advance(self, course: Sequence[Pair], maximum: int) -> int:
         """Simulate the next samples of a sequence, at most a maximum number; return how many."""
@@ -56,7 +64,7 @@ class CapstanRollout:
         """Move the handles through more angles [rad]."""
         if not handles:
             return
-        up_down, left_right = axes_of(self.parameters, self.states)
+        up_down, left_right = self.axes
         both = BothAxes(up_down, left_right)
         gain = self.parameters.handle_gain
         self.bends += [both.follow((gain * a, gain * b)) for a, b in handles]

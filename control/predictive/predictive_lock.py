@@ -148,7 +148,8 @@ class Predictive:
         if isfinite(observation.distance_m):
             memory.distance_m = observation.distance_m
         depth = memory.distance_m or settings.target_distance_m
-        bend, turned = model.tip_at(observation.t_capture, observation.turn)
+        tip = model.tip_at(observation.t_capture, observation.turn)
+        bend = tip.bend
         up_down, left_right = bend.tolist()
         position, rotation = kinematics.forward(self._geometry, (up_down, left_right))
         ray = camera_model.ray(self._calibration, observation.target_px)
@@ -157,8 +158,7 @@ class Predictive:
         offset = np.array(place) - bend
         memory.off_rad = float(np.hypot(*offset))
         exposed = observation.t_capture + model.shift_s
-        columns = model.history.columns_at(np.array([exposed]))[0]
-        model.add(SeenFrame(observation.t_capture, bend, offset, columns, turned))
+        model.add(SeenFrame(observation.t_capture, bend, offset, tip.columns, tip.turned))
         lever = self._geometry.bending_length_m / 2 + self._geometry.rigid_tip_m
         memory.px_per_rad = self._calibration.focal_px * (depth + lever) / depth
         noise = max(_noise_px2(observation), settings.noise_px**2) / memory.px_per_rad**2
@@ -166,7 +166,7 @@ class Predictive:
         if not model.background:
             late = (settings.latency_uncertainty_s * memory.rate * BEND_PER_HANDLE) ** 2
         horizon_s = t - exposed + settings.lead_s
-        off = bend - model.bends_at(np.array([exposed]))[0]
+        off = bend - tip.model
         memory.target.update(exposed, place, (noise + late, noise + late), horizon_s)
         if model.background:
             first, second = off.tolist()

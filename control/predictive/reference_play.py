@@ -176,14 +176,12 @@ def _followed(
     """Outputs and directions of plays after one prediction."""
     lags = LAG * reaches
     turn = 2 * reaches - lags
-    up = ((directions >= 0) & (aim - lags > places)) | (
-        (directions < 0) & (mean > places + turn) & (aim > places)
-    )
-    down = ((directions <= 0) & (aim + lags < places)) | (
-        (directions > 0) & (mean < places - turn) & (aim < places)
-    )
-    raised = np.maximum(aim - lags, places + LEAST_RAD)
-    lowered = np.minimum(aim + lags, places - LEAST_RAD)
+    rising, falling = directions > 0, directions < 0
+    above, below = aim - lags, aim + lags
+    up = (~falling & (above > places)) | (falling & (mean > places + turn) & (aim > places))
+    down = (~rising & (below < places)) | (rising & (mean < places - turn) & (aim < places))
+    raised = np.maximum(above, places + LEAST_RAD)
+    lowered = np.minimum(below, places - LEAST_RAD)
     new = np.where(up, raised, np.where(down, lowered, places))
     return new, np.where(up, 1.0, np.where(down, -1.0, directions))
 

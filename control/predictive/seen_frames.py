@@ -37,6 +37,19 @@ class SeenFrame(NamedTuple):
     """Whether the bend was measured by the background, from the frame before."""
 
 
+class TipSeen(NamedTuple):
+    """The tip at the exposure of a frame."""
+
+    bend: Vector
+    """Its bend, in axes of the video, 2 [rad]."""
+    model: Vector
+    """Its bend by the model in use, 2 [rad]."""
+    columns: Vector
+    """Columns at that time, 2 x `COLUMNS` [rad]."""
+    turned: bool
+    """Whether the bend was measured by the background, from the frame before."""
+
+
 def frame_at(frames: list[SeenFrame], t: float) -> SeenFrame | None:
     """Return the frame believed to be exposed at a time [s], if it is one of the newest."""
     for frame in reversed(frames[-NEWEST:]):

@@ -21,7 +21,7 @@ from endolock.control.predictive.competition import Competition
 from endolock.control.predictive.handle_history import COLUMNS, HALF_WIDTHS, PLAYS, PRIOR
 from endolock.control.predictive.increment_fit import SHIFTS_S, IncrementFit
 from endolock.control.predictive.model_in_use import ModelInUse
-from endolock.control.predictive.seen_frames import SeenFrame, bend_change, frame_at
+from endolock.control.predictive.seen_frames import SeenFrame, TipSeen, bend_change, frame_at
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 from endolock.vision.observation import Turn
@@ -93,8 +93,8 @@ class TransmissionModel(ModelInUse):
         """Usual rms change of the bend within the horizon that the model does not explain [rad]."""
         return float(np.sqrt(self._rivals.usual))
 
-    def tip_at(self, t: float, turn: Turn | None) -> tuple[Vector, bool]:
-        """Bend at a new frame; whether it was measured.
+    def tip_at(self, t: float, turn: Turn | None) -> TipSeen:
+        """Bend at a new frame, measured or by the model.
 
         Args:
             t: believed time of exposure [s].
@@ -103,23 +103,28 @@ class TransmissionModel(ModelInUse):
         self.turned_rad = None
         shifts = np.append(SHIFTS_S, self.shift_s)
         columns = self.history.columns_at(t + shifts)
-        model = self.bends_at(np.array([t + self.shift_s]))[0]
+        if self.capstan_used:
+            model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
+        else:
+            model = np.einsum("ak,ak->a", self.weights, columns[-1])
         if not self.frames:
-            return model, False
+            return TipSeen(model, model, columns[-1], False)
         turn = turn if self._options[2] else None
         since = frame_at(self.frames, turn.since_s) if turn is not None else None
         if turn is None or since is None:
-            if not self.background:
-                return model, False
-            last = self.frames[-1]
-            return last.bend + model - self.bends_at(np.array([last.t + self.shift_s]))[0], False
+            bend = model
+            if self.background:
+                last = self.frames[-1]
+                bend = last.bend + model - self.bends_at(np.array([last.t + self.shift_s]))[0]
+            return TipSeen(bend, model, columns[-1], False)
         moved = bend_change(np.array(turn.vector), since.bend)
         if since is self.frames[-1]:
             self.turned_rad = float(moved[0]), float(moved[1])
         variance = np.array([turn.covariance[0][0], turn.covariance[1][1]])
         before = self.history.columns_at(since.t + SHIFTS_S)
         self._fit.add(columns[:-1] - before, moved, variance, t - since.t)
-        return (since.bend + moved if self.background else model), True
+        bend = since.bend + moved if self.background else model
+        return TipSeen(bend, model, columns[-1], True)
 
     def add(self, frame: SeenFrame) -> None:
         """Add a frame; the candidates compete on it."""

@@ -18,7 +18,7 @@ two that is as accurate as solving for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import cos, exp, hypot, inf, pi, sin
 
@@ -141,30 +141,34 @@ class Axis:
         other_travel = self._geometry.pulley_radius_m * other_handle_rad
         across, along = self._crossing(other_bend_rad)
 
-        def wires(bend: float) -> Iterator[tuple[float, float, float]]:
-            """Travel, gap and lever of each wire at a bend, those of the axis first."""
-            middle, side, lever, arm = self._lengths(bend)
-            gap = middle + along
-            yield own_travel, gap - side, lever + arm
-            yield -own_travel, gap + side, lever - arm
-            yield other_travel, gap - across, lever
-            yield -other_travel, gap + across, lever
+        # node, travel, side and constant length of each wire, those of the axis first
+        wires = [
+            (self._nodes[0], own_travel, -1.0, 0.0),
+            (self._nodes[1], -own_travel, 1.0, 0.0),
+            (self._nodes[2], other_travel, 0.0, -across),
+            (self._nodes[3], -other_travel, 0.0, across),
+        ]
+        lengths, friction, give_rad = self._lengths, cable.sheath, SHEATH_GIVE_RAD
 
         def balance(bend: float) -> tuple[float, float]:
             """Residual moment at a bend, and its slope."""
-            sheath = (bend - self._yielded) * cable.sheath / SHEATH_GIVE_RAD
+            sheath = (bend - self._yielded) * friction / give_rad
             missing, slope = bend, 1.0
-            if abs(sheath) < cable.sheath:
-                missing, slope = missing + sheath, slope + cable.sheath / SHEATH_GIVE_RAD
+            if abs(sheath) < friction:
+                missing, slope = missing + sheath, slope + friction / give_rad
             else:
-                missing += cable.sheath if sheath > 0 else -cable.sheath
-            for node, (travel, gap, lever) in zip(self._nodes, wires(bend), strict=True):
+                missing += friction if sheath > 0 else -friction
+            middle, side, lever, arm = lengths(bend)
+            middle += along
+            for node, travel, way, more in wires:
+                gap = middle + way * side + more
                 x, sliding = _slide(node, travel, gap, ratios)
                 if x + gap <= 0:
                     continue
-                missing -= k_w * (x + gap) * lever
+                pull = lever - way * arm
+                missing -= k_w * (x + gap) * pull
                 # a sliding node follows by dx/dgap = -ratio/(1 + ratio)
-                slope += k_w * lever * lever * (1.0 if sliding is None else 1 / (1 + sliding))
+                slope += k_w * pull * pull * (1.0 if sliding is None else 1 / (1 + sliding))
             return missing, slope
 
         bend = _root(balance, self.bend_rad)
@@ -174,8 +178,9 @@ class Axis:
         if abs(give) > SHEATH_GIVE_RAD:
             self._yielded = bend - (SHEATH_GIVE_RAD if give > 0 else -SHEATH_GIVE_RAD)
         tensions = []
-        for wire, (travel, gap, _) in enumerate(wires(bend)):
-            x, _ = _slide(self._nodes[wire], travel, gap, ratios)
+        middle, side, _, _ = lengths(bend)
+        for wire, (node, travel, way, more) in enumerate(wires):
+            x, _ = _slide(node, travel, middle + along + way * side + more, ratios)
             self._nodes[wire] = x
             tensions.append(k_p * max(0.0, travel - x))
         self.tensions = (tensions[0], tensions[1])
@@ -256,11 +261,12 @@ def _slide(
     """Position where a node comes to rest, and the ratio k_w e^(+-S)/k_p if it slides."""
     if travel + gap <= 0:  # slack: it rests where neither side pulls
         return min(max(x, travel), -gap), None
-    low = (travel - ratios[0] * gap) / (1 + ratios[0])
+    up, down = ratios
+    low = (travel - up * gap) / (1 + up)
     if x < low:
-        return low, ratios[0]
-    high = (travel - ratios[1] * gap) / (1 + ratios[1])
-    return (high, ratios[1]) if x > high else (x, None)
+        return low, up
+    high = (travel - down * gap) / (1 + down)
+    return (high, down) if x > high else (x, None)
 
 
 def _root(balance: Callable[[float], tuple[float, float]], start: float) -> float:
