@@ -85,8 +85,9 @@ ERROR_RAD = 0.02
 neighbouring frames are correlated. Source: tuned on the default instrument."""
 STEP_RAD, MAX_STEPS = 0.02, 350
 """Handle travel between simulated samples [rad], longer if there would be more than this number."""
-SAMPLES = 4
-"""Samples simulated per tick: a quarter of a millisecond."""
+SAMPLES, SETTLED = 4, 3
+"""Samples simulated per tick, a fifth of a millisecond, and number of steps that lowered the cost
+after which it is one [1]."""
 LARGE_RAD = 10.0
 """Initial value of the misfit [rad]."""
 MOST_DAMPING = 1e6
@@ -176,8 +177,9 @@ def work(search: Search) -> CapstanRollout | None:
     """Simulate one slice of the window; return the simulation of a better model, once found."""
     window = search.window
     assert window is not None
+    samples = SAMPLES if search.steps < SETTLED else 1
     for rollout in window.rollouts:
-        if rollout.advance(window.course, SAMPLES):
+        if rollout.advance(window.course, samples):
             return None
     basis, _ = np.linalg.qr(splines(np.array([frame[0] for frame in window.frames]), window.knot_s))
     residual = _residual(search.parameters, window, window.rollouts[0], basis)

@@ -32,7 +32,11 @@ from endolock.control.predictive import (
     predictive_memory,
     target_search,
 )
-from endolock.control.predictive.predictive_memory import ERROR_VARIANCE, PredictiveMemory
+from endolock.control.predictive.predictive_memory import (
+    ERROR_VARIANCE,
+    PREVIEW_S,
+    PredictiveMemory,
+)
 from endolock.control.predictive.predictive_settings import PredictiveSettings
 from endolock.control.predictive.reference_play import ReferencePlay
 from endolock.control.predictive.seen_frames import SeenFrame
@@ -48,10 +52,6 @@ from endolock.vision.observation import Observation, Status
 FAR_RAD = 0.35
 """Offset from the axis above which the target is not predicted without a background [rad]: the
 model must be wrong."""
-PREVIEW = np.array([0.0, 1 / 3, 2 / 3, 1.0])
-"""Moments of the preview, in parts of `PREVIEW_S` [1]."""
-PREVIEW_S = 0.3
-"""Length of the preview [s]."""
 
 
 class Predictive:
@@ -144,7 +144,7 @@ class Predictive:
                 memory.lost_s = t
             self._wiring.look(observation.t_capture, None, None, (0.0, 0.0))
             return
-        memory.lost_s = None
+        memory.lost_s = memory.preview = None
         if isfinite(observation.distance_m):
             memory.distance_m = observation.distance_m
         depth = memory.distance_m or settings.target_distance_m
@@ -214,13 +214,13 @@ class Predictive:
         when = t + self._settings.lead_s
         if model.background or (model.known and memory.off_rad < FAR_RAD):
             memory.cautious.stop()
-            seen = np.array([memory.wanted(when + part * PREVIEW_S) for part in PREVIEW])
+            seen = memory.foreseen(when)
         else:
             target = np.array(memory.target.stays_at())
             place = memory.cautious.follow(t, target, model.bend, memory.off_rad)
-            seen = np.repeat([place], len(PREVIEW), axis=0)
+            seen = np.repeat([place], len(PREVIEW_S), axis=0)
         slopes, widths = model.slopes, model.widths
-        parts = handle_motion.foreseen_s(widths) / PREVIEW_S
+        early = handle_motion.foreseen_s(widths)
         wanted, soon = np.empty(2), np.empty(2)
         for axis, play in enumerate(memory.plays):
             wanted[axis] = play.follow(
@@ -231,8 +231,8 @@ class Predictive:
                 slope=float(slopes[axis]),
                 width=float(widths[axis]),
             )
-            part = parts[axis]
-            aims = np.interp([part / 2, part], PREVIEW, seen[:, axis])
+            moments = [early[axis] / 2, early[axis]]
+            aims = np.interp(moments, PREVIEW_S, seen[:, axis])
             soon[axis] = play.ahead(aims.tolist())
         return wanted, soon
 

@@ -15,6 +15,8 @@ from endolock.control.predictive.transmission_model import TransmissionModel
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import AXES, Vector
 
+PREVIEW_S = np.array([0.0, 0.1, 0.2, 0.3])
+"""Moments of the preview, after that for which the target is predicted [s]."""
 ERROR_VARIANCE = 1e-6
 """Variance of a measured error of the model [rad2]. Assumed: 1 mrad."""
 
@@ -39,6 +41,9 @@ class PredictiveMemory:
     """What the servos stop short of their goals."""
     distance_m: float | None = None
     """Depth of the target, as last measured by markers [m]."""
+    preview: Vector | None = None
+    """How much further the bend is to be at `PREVIEW_S` but the first, 3 x 2 [rad]; None if that
+    was not computed since the newest frame."""
     cautious: CautiousFollowing = field(default_factory=CautiousFollowing)
     """Slow following while the model is not known."""
     px_per_rad: float = 350.0
@@ -83,6 +88,20 @@ class PredictiveMemory:
             wanted = np.array(self.target.at(t))
         return wanted
 
+    def foreseen(self, when: float) -> Vector:
+        """Bends that the model is to have at the moments of the preview, 4 x 2 [rad].
+
+        Between frames all but the first move along with it.
+
+        Args:
+            when: first of these moments [s].
+        """
+        now = self.wanted(when)
+        if self.preview is None:
+            later = [self.wanted(when + after) for after in PREVIEW_S[1:].tolist()]
+            self.preview = np.array(later) - now
+        return np.concatenate([now[None], now + self.preview])
+
     def model_changed(self, before: Vector, noise_px: float) -> None:
         """Let the predictions follow a change of the model, without a step of the handles.
 
@@ -91,6 +110,7 @@ class PredictiveMemory:
             noise_px: standard deviation of the target's coordinates [px].
         """
         model = self.model
+        self.preview = None
         by = model.bend - before
         for play, one in zip(self.plays or (), by.tolist(), strict=False):
             play.move(one)
