@@ -1,11 +1,12 @@
 """History of the handles, and of the columns from which a bend is made of them.
 
-Per axis the columns are plays of the handle angle h, which have memory, and dead zones, which have
-none:
+A column is a play behind a dead zone of the handle angle h, with one memory z per axis:
 
-    z_i <- min(max(z_i, h - r_i), h + r_i),        max(h - s_j, 0) + min(h + s_j, 0).
+    d(h) = max(h - s, 0) + min(h + s, 0),        z <- min(max(z, d(h) - r), d(h) + r).
 
-A bend is a weighted sum of columns with weights >= 0, so it never falls while the handle rises.
+With s = 0 it is a plain play, with r = 0 a dead zone without memory: friction, slack, or friction
+behind slack. A bend is a weighted sum of columns with weights >= 0, so it never falls while the
+handle rises.
 """
 
 from __future__ import annotations
@@ -16,14 +17,20 @@ from endolock.control.transmission.kinematics import Pair
 from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.hw.api import Vector
 
-RADII = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7])
-"""Half-widths r_i of the plays [rad], for loops of up to 0.45 of 180 deg."""
-DEAD_ZONES = np.array([0.1, 0.2, 0.3, 0.45])
-"""Half-widths s_j of the dead zones [rad]. Assumed: slack of up to 50 deg at the handle."""
-PLAYS, COLUMNS = len(RADII), len(RADII) + len(DEAD_ZONES)
-"""Number of plays, and of all columns."""
-HALF_WIDTHS = np.concatenate([RADII, DEAD_ZONES])
-"""Half-width of each column [rad]."""
+PLAYS = 12
+"""Number of plain plays, the first columns."""
+RADII = np.array(
+    [0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7]
+    + [0.0] * 4
+    + [0.1, 0.2, 0.3] * 3
+)
+"""Half-width r of each column's play [rad], for loops of up to 0.45 of 180 deg."""
+SLACKS = np.array([0.0] * PLAYS + [0.1, 0.2, 0.3, 0.45] + [0.1] * 3 + [0.2] * 3 + [0.3] * 3)
+"""Half-width s of each column's dead zone [rad]. Assumed: slack of up to 50 deg at the handle."""
+COLUMNS = len(RADII)
+"""Number of columns."""
+HALF_WIDTHS = RADII + SLACKS
+"""Half of the handle's way through each column [rad]."""
 PRIOR = np.array([BEND_PER_HANDLE, *[0.0] * (COLUMNS - 1)])
 """Weights without any knowledge [rad/rad]: no hysteresis, as over-compensation loses targets."""
 ROOM = 4096
@@ -44,8 +51,8 @@ class HandleHistory:
         self._count = 0
         self.handles = np.array(handles)
         """Newest handle angles [rad]."""
-        self.outputs = np.repeat(self.handles[:, None], PLAYS, axis=1)
-        """Newest outputs of the plays, 2 x `PLAYS` [rad]."""
+        self.outputs = _behind_slack(self.handles)
+        """Newest columns, 2 x `COLUMNS` [rad]."""
 
     @property
     def times(self) -> Vector:
@@ -72,10 +79,10 @@ class HandleHistory:
             for array in (self._times, self._handles, self._columns):
                 array[:n] = array[ROOM // 4 :].copy()
         self.handles = np.array(handles)
-        h = self.handles[:, None]
-        self.outputs = np.minimum(np.maximum(self.outputs, h - RADII), h + RADII)
+        d = _behind_slack(self.handles)
+        self.outputs = np.minimum(np.maximum(self.outputs, d - RADII), d + RADII)
         self._times[n], self._handles[n] = t, handles
-        self._columns[n] = columns_of(self.outputs, self.handles)
+        self._columns[n] = self.outputs
         self._count = n + 1
 
     def columns_at(self, t: Vector) -> Vector:
@@ -91,11 +98,11 @@ class HandleHistory:
         return found
 
 
-def columns_of(outputs: Vector, handles: Vector) -> Vector:
-    """Columns of both axes from outputs of the plays and handle angles, 2 x `COLUMNS` [rad]."""
+def _behind_slack(handles: Vector) -> Vector:
+    """Handle angles behind the dead zone of each column, 2 x `COLUMNS` [rad]."""
     h = handles[:, None]
-    zones = np.maximum(h - DEAD_ZONES, 0.0) + np.minimum(h + DEAD_ZONES, 0.0)
-    return np.concatenate([outputs, zones], axis=1)
+    behind: Vector = np.maximum(h - SLACKS, 0.0) + np.minimum(h + SLACKS, 0.0)
+    return behind
 
 
 def handle_for(
@@ -107,33 +114,36 @@ def handle_for(
 
     Args:
         weights: weight of each column, `COLUMNS` [rad/rad], >= 0, not all 0.
-        outputs: present outputs of the plays, `PLAYS` [rad].
+        outputs: present columns of the axis, `COLUMNS` [rad].
         handle: present handle angle [rad].
         bend: desired bend [rad].
         reach: largest handle angle [rad].
     """
-    used: list[tuple[float, float, float]] = [
-        (weight, radius, output)
-        for weight, radius, output in zip(
-            weights[:PLAYS].tolist(), RADII.tolist(), outputs.tolist(), strict=True
+    used: list[tuple[float, float, float, float]] = [
+        (weight, radius, slack, output)
+        for weight, radius, slack, output in zip(
+            weights.tolist(), RADII.tolist(), SLACKS.tolist(), outputs.tolist(), strict=True
         )
-        if weight
-    ]
-    zones: list[tuple[float, float]] = [
-        (weight, half)
-        for weight, half in zip(weights[PLAYS:].tolist(), DEAD_ZONES.tolist(), strict=True)
         if weight
     ]
 
     def bend_at(h: float) -> float:
-        plays = sum(w * min(max(z, h - r), h + r) for w, r, z in used)
-        return plays + sum(w * (max(h - s, 0.0) + min(h + s, 0.0)) for w, s in zones)
+        bend = 0.0
+        for w, r, s, z in used:
+            d = max(h - s, 0.0) + min(h + s, 0.0)
+            bend += w * min(max(z, d - r), d + r)
+        return bend
 
     present = bend_at(handle)
     if bend == present:
         return handle
-    edges = [z + side * r for _, r, z in used for side in (-1, 1)]
-    edges += [side * s for _, s in zones for side in (-1, 1)]
+    # The play moves once d(h) = z +- r; the dead zone begins and ends at +-s.
+    edges = [z + side * r for _, r, _, z in used for side in (-1, 1)]
+    edges = [
+        edge + (s if edge > 0 else -s)
+        for edge, s in zip(edges, [s for _, _, s, _ in used for _ in (0, 1)], strict=True)
+    ]
+    edges += [side * s for _, _, s, _ in used if s for side in (-1, 1)]
     way = 1.0 if bend > present else -1.0
     ahead = [edge for edge in edges if way * edge > way * handle and abs(edge) < reach]
     last, at = present, handle

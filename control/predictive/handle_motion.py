@@ -77,7 +77,7 @@ def next_goals(
         if (ahead - handle) * way < 0 <= (goal - handle) * way:  # a turn is foreseen
             left = EARLY * SPEED_RAD_S * float(early[axis])
             goal = min(max(goal, ahead - left), ahead + left)
-        elif (goal - old) * way < 0 and beyond < max(SLACK_RAD, SLACK_SHARE * play.reach_rad):
+        elif (goal - old) * way <= 0 and beyond < max(SLACK_RAD, SLACK_SHARE * play.reach_rad):
             goal = old  # not worth the way back through the loop
         step = speeds[axis] * dt
         new.append(min(max(goal, old - step, -pi), old + step, pi))

@@ -59,6 +59,8 @@ class IncrementFit:
         self.count = 0.0
         """Number of frames that count."""
         self._dt = 0.04
+        self._left = np.full(count, np.inf)
+        self._next = 0
 
     @property
     def independent(self) -> float:
@@ -127,27 +129,23 @@ class IncrementFit:
         full[:k] = weights
         return FittedAxis(full, residual, float(np.sqrt(max(spread, 0.0))))
 
-    def unexplained(self, axis: int, weights: Vector) -> Vector:
-        """Variance that weights leave unexplained, for each delay of `SHIFTS_S` [rad2]."""
-        xx, xy = self._xx[:, axis], self._xy[:, axis]
-        left = self._yy[axis] - 2 * xy @ weights + np.einsum("i,sij,j->s", weights, xx, weights)
-        result: Vector = np.maximum(left, 0.0) / max(self.count, 1.0)
-        return result
+    def look_for_delay(self, dead_zones: bool) -> None:
+        """Fit both axes with one of the delays of `SHIFTS_S`, the next at each call."""
+        n = self._next = (self._next + 1) % len(SHIFTS_S)
+        fits = [self.solve(axis, float(SHIFTS_S[n]), dead_zones) for axis in range(2)]
+        self._left[n] = sum(fit.residual for fit in fits)
 
-    def delay(self, weights: Vector) -> tuple[float, float] | None:
+    def delay(self) -> tuple[float, float] | None:
         """Delay of the exposures with the least residual, and its standard deviation [s].
 
-        From a parabola through the three least; None if it opens downwards.
-
-        Args:
-            weights: weights of both axes, 2 x `COLUMNS` [rad/rad].
+        The weights are fitted for each delay (`look_for_delay`), as loops that are too narrow look
+        like a delay. From a parabola through the three least; None if it opens downwards.
         """
-        first, second = (self.unexplained(axis, weights[axis]) for axis in range(2))
-        left = first + second
+        left = self._left
         best = int(np.clip(np.argmin(left), 1, len(SHIFTS_S) - 2))
         below, least, above = left[best - 1 : best + 2]
         curved = below - 2 * least + above
-        if curved <= 0:
+        if not np.isfinite(left).all() or curved <= 0:
             return None
         spacing = float(SHIFTS_S[1] - SHIFTS_S[0])
         step = float(np.clip(0.5 * (below - above) / curved, -1, 1))

@@ -160,6 +160,8 @@ class TransmissionModel(ModelInUse):
             every = SELDOM
         if self._count % every == 0:
             changed |= self._identify()
+        elif self.background and self._count % 2:
+            self._fit.look_for_delay(self._options[1])
         return changed
 
     def work(self) -> bool:
@@ -242,7 +244,7 @@ class TransmissionModel(ModelInUse):
         return True
 
     def _find_shift(self) -> None:
-        found = self._fit.delay(self.weights)
+        found = self._fit.delay()
         if found is not None:
             self.shift_s += RENEWAL * (found[0] - self.shift_s)
             self.shift_std_s = found[1]
