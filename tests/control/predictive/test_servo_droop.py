@@ -13,10 +13,8 @@ from endolock.control.transmission.linear_process import LAG_S
 DT = 0.02
 
 
-def _followed(
-    falling: float, rising: float, seconds: float = 20.0
-) -> tuple[ServoDroop, list[float]]:
-    """Follow slow triangles with a servo that stops short; return the errors of position."""
+def _followed(falling: float, rising: float) -> ServoDroop:
+    """Follow slow triangles for 20 s with a servo that stops short."""
     servo, position, sent, before = ServoDroop(), 0.0, 0.0, 0.0
     for n in range(1000):
         t = n * DT

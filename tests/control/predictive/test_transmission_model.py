@@ -74,7 +74,7 @@ class Runner:
 
     def without_hysteresis(self, seconds: float) -> float:
         """The same of the best line from handle to bend."""
-        handles, bends = np.moveaxis(self.paths[-round(seconds / 2 / DT) :], 1, 0)
+        handles, bends = np.moveaxis(np.array(self.paths[-round(seconds / 2 / DT) :]), 1, 0)
         lines = [
             np.polyval(np.polyfit(h, b, 1), h) for h, b in zip(handles.T, bends.T, strict=True)
         ]
