@@ -139,13 +139,16 @@ class IncrementFit:
         """Delay of the exposures with the least residual, and its standard deviation [s].
 
         The weights are fitted for each delay (`look_for_delay`), as loops that are too narrow look
-        like a delay. From a parabola through the three least; None if it opens downwards.
+        like a delay. From a parabola through the three least; None if it opens downwards, or before
+        all were looked at.
         """
         left = self._left
+        if not np.isfinite(left).all():
+            return None
         best = int(np.clip(np.argmin(left), 1, len(SHIFTS_S) - 2))
         below, least, above = left[best - 1 : best + 2]
         curved = below - 2 * least + above
-        if not np.isfinite(left).all() or curved <= 0:
+        if curved <= 0:
             return None
         spacing = float(SHIFTS_S[1] - SHIFTS_S[0])
         step = float(np.clip(0.5 * (below - above) / curved, -1, 1))

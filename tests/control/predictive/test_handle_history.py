@@ -12,13 +12,11 @@ from hypothesis import strategies as st
 
 from endolock.control.predictive.handle_history import (
     COLUMNS,
-    DEAD_ZONES,
-    PLAYS,
     PRIOR,
     RADII,
     ROOM,
+    SLACKS,
     HandleHistory,
-    columns_of,
     handle_for,
 )
 from endolock.control.transmission.plays import play_step
@@ -37,21 +35,30 @@ def _after(turns: list[float]) -> HandleHistory:
     return history
 
 
+def _dead(handle: float, slack: float) -> float:
+    """Output of a dead zone [rad]."""
+    return float(np.sign(handle)) * max(abs(handle) - slack, 0.0)
+
+
 def _bend(history: HandleHistory, weights: Vector, handle: float) -> float:
     """Bend of the first axis with its handle moved to an angle."""
-    plays = np.clip(history.outputs, handle - RADII, handle + RADII)
-    return float(columns_of(plays, np.full(2, handle))[0] @ weights)
+    columns = [
+        play_step(z, _dead(handle, s), r)
+        for z, s, r in zip(history.outputs[0].tolist(), SLACKS, RADII, strict=True)
+    ]
+    return float(np.array(columns) @ weights)
 
 
 @given(st.lists(ANGLES, min_size=1, max_size=8))
-def test_columns_are_plays_and_dead_zones(turns: list[float]) -> None:
+def test_columns_are_plays_behind_dead_zones(turns: list[float]) -> None:
     columns = _after(turns).columns[-1]
     assert columns.shape == (2, COLUMNS)
-    expected = [0.0] * PLAYS
+    expected = [0.0] * COLUMNS
     for turn in turns:
-        expected = [play_step(z, turn, r) for z, r in zip(expected, RADII, strict=True)]
-    zones = [np.sign(turns[-1]) * max(abs(turns[-1]) - s, 0.0) for s in DEAD_ZONES]
-    assert columns[0] == pytest.approx([*expected, *zones])
+        expected = [
+            play_step(z, _dead(turn, s), r) for z, s, r in zip(expected, SLACKS, RADII, strict=True)
+        ]
+    assert columns[0] == pytest.approx(expected)
     assert columns[1] == pytest.approx(-columns[0])  # the handles are mirrored, and so are these
 
 

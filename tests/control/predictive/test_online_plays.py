@@ -12,6 +12,7 @@ from endolock.control.predictive.handle_history import PLAYS, PRIOR, RADII
 from endolock.control.transmission.plays import play
 
 FRAME_S = 0.04
+PLAIN = RADII[:PLAYS]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
@@ -22,22 +23,22 @@ def test_weights_and_latency_are_identified_from_frames(noise: float) -> None:
     # Strokes of all sizes, so that every play moves.
     turns = random.uniform(-0.9, 0.9, 26)
     handle = np.interp(times, np.arange(26.0), turns)
-    plays = np.stack([np.column_stack([play(handle, r) for r in RADII])] * 2, axis=1)
-    true = np.zeros(len(RADII))
+    plays = np.stack([np.column_stack([play(handle, r) for r in PLAIN])] * 2, axis=1)
+    true = np.zeros(PLAYS)
     true[[4, 6]] = 0.5, 0.45
     late_s = 0.02
     t = np.arange(1.0, 24.0, FRAME_S)
     bend = np.interp(t + late_s, times, plays[:, 0] @ true)
     seen = np.interp(t + late_s, times, target) - bend + noise * random.standard_normal(len(t))
     found = online_plays.identify(
-        t, np.column_stack([seen, seen]), times, plays, PRIOR[:PLAYS], RADII, 0.0
+        t, np.column_stack([seen, seen]), times, plays, PRIOR[:PLAYS], PLAIN, 0.0
     )
     assert found is not None
     assert found.shift_s == pytest.approx(late_s)
     weights = found.weights[0]
     assert weights is not None
-    width = 2 * (weights @ RADII) / weights.sum()
-    expected = 2 * (true @ RADII) / true.sum()
+    width = 2 * (weights @ PLAIN) / weights.sum()
+    expected = 2 * (true @ PLAIN) / true.sum()
     assert width == pytest.approx(
         expected, rel=0.05
     )  # the splines absorb a little of the reversals
@@ -46,7 +47,7 @@ def test_weights_and_latency_are_identified_from_frames(noise: float) -> None:
 def test_a_handle_at_rest_identifies_nothing() -> None:
     times = np.arange(0.0, 25.0, 0.02)
     t = np.arange(1.0, 24.0, FRAME_S)
-    plays = np.zeros((len(times), 2, len(RADII)))
+    plays = np.zeros((len(times), 2, PLAYS))
     seen = np.random.default_rng(0).standard_normal((len(t), 2))
-    found = online_plays.identify(t, seen, times, plays, PRIOR[:PLAYS], RADII, 0.0)
+    found = online_plays.identify(t, seen, times, plays, PRIOR[:PLAYS], PLAIN, 0.0)
     assert found is None
