@@ -213,7 +213,10 @@ class Predictive:
         assert memory.plays is not None
         when = t + self._settings.lead_s
         if model.background or (model.known and memory.off_rad < FAR_RAD):
-            memory.cautious.stop()
+            if memory.cautious.place is not None:
+                memory.cautious.stop()
+                for play in memory.plays:
+                    play.learn_anew()
             seen = memory.foreseen(when)
         else:
             target = np.array(memory.target.stays_at())

@@ -47,6 +47,11 @@ CLEARLY = 0.05
 """Gain in J above which another play is chosen [1]."""
 START = 4
 """Index of the first play."""
+CHANGED_RAD = 0.02
+"""Change of the model's bend after which the excess of the old model hardly counts [rad].
+Assumed."""
+SETTLE_S = 3.0
+"""Time for which new predictions are not judged [s]. Assumed."""
 LEAST_RAD = 1e-9
 """Motion that shows a turn [rad]."""
 
@@ -65,7 +70,7 @@ class ReferencePlay:
         self._errors = np.zeros(count)
         self._travel = np.zeros(count)
         self._judged_s = self._moved_s = 0.0
-        self._off = self._excess = 0.0
+        self._off = self._excess = self._seen_s = 0.0
         self._said: deque[tuple[float, Vector]] = deque()
         self._chosen = START
         self._place, self._direction = place, 0.0
@@ -105,7 +110,7 @@ class ReferencePlay:
         turns = (self._directions != turned) & (turned != 0)
         moved = np.abs(self._places - before) / slope + turns * width
         self._moved_s += dt
-        share = max(1 - exp(-dt / MEMORY_S), dt / self._moved_s)
+        share = _share(dt, self._moved_s)
         self._travel += share * (moved / dt - self._travel)
         self._said.append((when, self._places))
         if self._chosen == len(REACHES_RAD) - 1:
@@ -140,13 +145,15 @@ class ReferencePlay:
             return
         dt = 0.04
         self._judged_s += dt
-        share = max(1 - exp(-dt / MEMORY_S), dt / self._judged_s)
+        share = _share(dt, self._judged_s)
         self._errors += share * ((px_per_rad * (due[1] - seen)) ** 2 - self._errors)
         moving = self._chosen < len(REACHES_RAD) - 1
         charged = self._errors + 1.0
         if off is not None:
             if moving:
-                self._off += share * ((px_per_rad * off) ** 2 - self._off)
+                self._seen_s += dt
+                part = _share(dt, self._seen_s)
+                self._off += part * ((px_per_rad * off) ** 2 - self._off)
                 self._excess = max(self._off - float(self._errors[self._chosen]), 0.0)
             charged[:-1] += self._excess
         if self._judged_s < JUDGED_S:
@@ -157,10 +164,18 @@ class ReferencePlay:
             self._chosen = best
 
     def move(self, by: float) -> None:
-        """Shift all outputs by a change of the model [rad]."""
+        """Shift all outputs by a change of the model [rad], with which its excess counts anew."""
+        self._seen_s = min(self._seen_s, self._seen_s * exp(-abs(by) / CHANGED_RAD))
         self._places = self._places + by
         self._place = self._place + by
         self._said = deque((when, places + by) for when, places in self._said)
+
+    def learn_anew(self) -> None:
+        """Count only what is said from now on, as the predictions are of another kind."""
+        self._judged_s = self._moved_s = self._seen_s = -SETTLE_S
+        self._excess = 0.0
+        self._chosen = START
+        self._said.clear()
 
     def restart(self, place: float) -> None:
         """Put all outputs at a place [rad], as after a gap; what was learnt is kept."""
@@ -168,6 +183,11 @@ class ReferencePlay:
         self._place = place
         self._directions, self._direction = np.zeros(len(REACHES_RAD)), 0.0
         self._said.clear()
+
+
+def _share(dt: float, counted_s: float) -> float:
+    """Share of a new value in a mean over `MEMORY_S`, or over the time counted if that is less."""
+    return max(1 - exp(-dt / MEMORY_S), dt / max(counted_s, dt))
 
 
 def _followed(
