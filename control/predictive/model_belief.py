@@ -22,6 +22,8 @@ TURN_RAD = 0.015
 """Rms turn within a second above which the background can be judged [rad]. Assumed."""
 EVIDENT = 1.5
 """Ratio of squared errors, no hysteresis over the found loops, above which loops are evident."""
+SURE = 4.0
+"""Width over its standard deviation above which a loop is known to be there [1]. Assumed."""
 LEAST_RANGE_RAD, THROUGH_RAD = 0.1, 0.1
 """Range of a handle below which its axis is at rest, and by how much the handle must have gone
 beyond a loop [rad]. Assumed."""
@@ -57,8 +59,8 @@ def loops_evident(
     if not moving.any():
         return False
     better = none > EVIDENT * chosen
-    through = ranges > widths + THROUGH_RAD
-    sure = width_std < NARROW_RAD
+    through = ranges > widths + 2 * width_std + THROUGH_RAD
+    sure = width_std < np.maximum(NARROW_RAD, widths / SURE)
     return bool(np.all(~moving | (through & (better | sure))))
 
 
