@@ -179,7 +179,7 @@ class TransmissionModel(ModelInUse):
         if replaced and not used:
             self._rivals.capstan_replaced()
         if self.capstan.ready(self.history):
-            self.capstan_used = self._rivals.capstan_earns(used)
+            self.capstan_used = self._rivals.capstan_earns(used) and self.known
         changed = self.capstan_used is not used or (replaced and used)
         if changed and self.capstan_used:
             self.shift_s = self.capstan.search.parameters.shift_s
