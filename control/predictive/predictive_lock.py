@@ -215,7 +215,7 @@ class Predictive:
         if model.background or (model.known and memory.off_rad < FAR_RAD):
             if memory.cautious.place is not None:
                 memory.cautious.stop()
-                for play in memory.plays:
+                for play in memory.plays if not model.background else ():
                     play.learn_anew()
             seen = memory.foreseen(when)
         else:
