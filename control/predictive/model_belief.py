@@ -59,7 +59,7 @@ def loops_evident(
     if not moving.any():
         return False
     better = none > EVIDENT * chosen
-    through = ranges > widths + 2 * width_std + THROUGH_RAD
+    through = ranges > widths + THROUGH_RAD
     sure = width_std < np.maximum(NARROW_RAD, widths / SURE)
     return bool(np.all(~moving | (through & (better | sure))))
 

@@ -177,7 +177,8 @@ class Predictive:
             memory.plays = ReferencePlay(start[0]), ReferencePlay(start[1])
         for play, seen, apart in zip(memory.plays, apparent.tolist(), offset.tolist(), strict=True):
             off_axis = None if model.background else apart
-            play.judge(exposed, seen, off_axis, memory.px_per_rad)
+            known = memory.cautious.place is None
+            play.judge(exposed, seen, off_axis, memory.px_per_rad, known=known)
 
     def _check_wiring(self, observation: Observation, target: Vector) -> None:
         """Show the wiring check what was measured in a frame."""

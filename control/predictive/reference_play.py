@@ -50,6 +50,9 @@ START = 4
 CHANGED_RAD = 0.02
 """Change of the model's bend after which the excess of the old model hardly counts [rad].
 Assumed."""
+DOUBT = 0.7
+"""Logarithm of the squared error by which motion must be better than none while the transmission is
+not known [1]. Assumed: a factor of two."""
 SETTLE_S = 3.0
 """Time for which new predictions are not judged [s]. Assumed."""
 LEAST_RAD = 1e-9
@@ -128,7 +131,9 @@ class ReferencePlay:
             place, direction = _one(place, direction, aim, aims[-1], self.reach_rad)
         return place
 
-    def judge(self, t: float, seen: float, off: float | None, px_per_rad: float) -> None:
+    def judge(
+        self, t: float, seen: float, off: float | None, px_per_rad: float, *, known: bool = True
+    ) -> None:
         """Compare the plays with where the target was seen, and choose one.
 
         Args:
@@ -137,6 +142,7 @@ class ReferencePlay:
             off: its offset from the optical axis at that time [rad]; None where the bend is
                 measured.
             px_per_rad: pixels per bend [px/rad].
+            known: whether the transmission is known; else motion must be worth it by far.
         """
         due: tuple[float, Vector] | None = None
         while self._said and self._said[0][0] <= t:
@@ -159,6 +165,8 @@ class ReferencePlay:
         if self._judged_s < JUDGED_S:
             return
         costs = np.log(charged) + self._travel / PRICE_RAD_S
+        if not known:
+            costs[:-1] += DOUBT
         best = int(np.argmin(costs))
         if costs[best] < costs[self._chosen] - CLEARLY:
             self._chosen = best
