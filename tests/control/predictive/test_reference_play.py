@@ -139,3 +139,21 @@ def test_offsets_that_motion_makes_worse_are_charged_to_it() -> None:
             play.follow(t + LEAD_S, aim, aim, dt=DT, slope=SLOPE, width=0.3)
         chosen.append(play.reach_rad)
     assert chosen[0] < chosen[1] == REACHES_RAD[-1]
+
+
+@pytest.mark.parametrize(("known", "moves"), [(True, True), (False, False)])
+def test_while_the_transmission_is_not_known_motion_must_be_worth_it_by_far(
+    known: bool, moves: bool
+) -> None:
+    """Motion that saves a third of the squared error, at no cost of travel to speak of."""
+    period, play = 20.0, ReferencePlay(0.0)
+    target = _swing(20.0, period)
+    random = np.random.default_rng(0)
+    for n in range(int(60.0 / DT)):
+        t = n * DT
+        if n % 2 == 0:
+            seen = target(t) + 20.0 / PX_PER_RAD * float(random.standard_normal())
+            play.judge(t, seen, None, PX_PER_RAD, known=known)
+        aim = target(t + LEAD_S)
+        play.follow(t + LEAD_S, aim, aim, dt=DT, slope=SLOPE, width=0.0)
+    assert bool(play.reach_rad < REACHES_RAD[-1]) is moves
