@@ -8,6 +8,13 @@ none at all, is compared with the best *wrong* one. Within its dead band a handl
 target moves and the tip does not, as if it turned the tip away from the target. But such a target
 moved before the handle did; a tip that runs away moves with the handle, all of a sudden.
 
+A handle is accused only by what its motion explains beyond what the other one's explains, and only
+together with it: a handle that turns the tip the wrong way leaves the other one on its own axis;
+one that turns it about the other axis has been exchanged with the other handle, which then turns
+the tip about its axis, and is not clearly right. What the data suggest has to be wrong, of the
+size of a response that exists, and for some frames in a row. Else a handle that wanders in step
+with the other one, within its dead band, would explain what no play explains of the other's.
+
 A handle that is clearly right is not checked again. A camera that is rotated by 90 or 180 deg looks
 like exchanged or reversed handles, and one rotated by less than 45 deg like right ones.
 """
@@ -20,7 +27,7 @@ from math import atan2, degrees, pi
 
 import numpy as np
 
-from endolock.control.predictive.wiring_evidence import Sector, WiringEvidence
+from endolock.control.predictive.wiring_evidence import Joint, Sector, WiringEvidence
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw.api import AXES, Vector
@@ -39,7 +46,9 @@ LEAST, MOST = 0.4, 1.7
 """Norm of a response that exists [rad/rad]. Assumed: half the usual one to almost twice."""
 ALARM, SURE = 7.0, 8.0
 """Log-likelihood ratio above which a handle is wrong, and above which it is right [nat]. Assumed:
-in 136 runs with right handles, on plants of eight kinds, the largest ratio was 4."""
+in 84 runs with right handles, on plants of ten kinds, the largest ratio was 2."""
+TIMES = 3
+"""Number of frames in a row that have to accuse a handle [1]. Assumed: one or two may be off."""
 SWING_RAD = 0.25
 """Range of a handle below which it is not judged [rad]. Assumed: the tip has to move 0.1 rad."""
 TARGET_DENSITY, PUSH_DENSITY = 0.1, 0.02
@@ -79,6 +88,7 @@ class WiringCheck:
             for density in (TARGET_DENSITY, PUSH_DENSITY)
         )
         self._frames = 0
+        self._suspected = [0, 0]  # frames in a row
         self.open = [True, True]
         """Whether a handle is still being checked."""
 
@@ -133,8 +143,9 @@ class WiringCheck:
             variance = BEND_STD_RAD**2 + late
             self._turn.add(exposed_s, self._bend, responses, variance, variances[1])
         self._frames += 1
-        handle = self._frames // JUDGE_FRAMES % 2
-        if self._frames % JUDGE_FRAMES:
+        suspects = [n for n in (0, 1) if self._suspected[n]]
+        handle = suspects[0] if suspects else self._frames // JUDGE_FRAMES % 2
+        if self._frames % JUDGE_FRAMES and not suspects:
             return
         if self.open[handle] and self._highest[handle] - self._lowest[handle] > SWING_RAD:
             # The target moves by itself: it is a witness only where there is no better one.
@@ -166,10 +177,38 @@ class WiringCheck:
             ),
         )
         if wrong.log_likelihood - right.log_likelihood > ALARM:
-            raise _error(handle, wrong.response)
+            self._suspect(handle, evidence)
+        else:
+            self._suspected[handle] = 0
         unclear = max(wrong.log_likelihood, none.log_likelihood)
         if clear.log_likelihood - unclear > SURE:
             self.open[handle] = False
+
+    def _suspect(self, handle: int, evidence: WiringEvidence) -> None:
+        """Accuse a handle if what both handles do fits together, and goes on to."""
+        own, across = (0.0, pi / 2)[handle], (pi / 2, 0.0)[handle]
+        joints = [Joint(Sector(own + pi, pi / 4, LEAST, MOST), _line(across))]
+        if self.open[1 - handle]:  # else that axis is the other handle's
+            half = (3 * pi / 4 - WRONG_RAD) / 2
+            joints += [
+                Joint(Sector(own + side * (WRONG_RAD + half), half, LEAST, MOST), _line(own))
+                for side in (-1, 1)
+            ]
+        wrong = evidence.against(handle, Sector(own, RIGHT_RAD, 0.0, MOST), joints)
+        if wrong.log_likelihood <= ALARM:
+            self._suspected[handle] = 0
+            return
+        self._suspected[handle] += 1
+        if self._suspected[handle] >= TIMES:
+            raise _error(handle, wrong.response)
+
+
+def _line(direction: float) -> tuple[Sector, Sector]:
+    """Responses about an axis, either way."""
+    return (
+        Sector(direction, pi / 4, 0.0, MOST),
+        Sector(direction + pi, pi / 4, 0.0, MOST),
+    )
 
 
 def _error(handle: int, response: Pair) -> WiringError:

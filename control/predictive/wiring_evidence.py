@@ -22,7 +22,7 @@ Reference:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, pi
+from math import exp, inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,8 @@ MEMORY_S = 20.0
 EXCESS_DOF = 5.0
 """Number of independent pieces of what the responses do not explain [1]. Assumed: a misfit lasts
 for a whole turn of the handles, of which few happen within `MEMORY_S`."""
+TINY = 1e-9
+"""Squared distance from a sector within which a response is inside [1]: for rounding."""
 PRIOR_WEIGHT = 1.0
 """Weight of a zero response of the other handle [1]. Assumed: next to nothing."""
 
@@ -50,6 +52,14 @@ class Sector(NamedTuple):
     least: float
     most: float
     """Least and largest norm [1]."""
+
+
+class Joint(NamedTuple):
+    """Responses of both handles that belong together."""
+
+    own: Sector
+    other: tuple[Sector, ...]
+    """The other handle's: in one of these sectors."""
 
 
 class Fit(NamedTuple):
@@ -131,19 +141,62 @@ class WiringEvidence:
             sectors: where the response may be.
         """
         b, response, reached = self._profile(handle)
-        spread = float(self._products[0, 0, 0] + self._products[0, 1, 1])
-        excess = max(0.0, spread - 2 * float(reached.max()) - 2 * self.frames)
-        norm, angle = (
-            np.hypot(response[..., 0], response[..., 1]),
-            np.arctan2(response[..., 1], response[..., 0]),
-        )
+        discount = self._discount(float(reached.max()))
+        norm, angle = _polar(response)
         fits = []
         for sector in sectors:
             inside = reached - b / 2 * _squared_distance(norm, angle, sector)
             best = np.unravel_index(int(np.argmax(inside)), inside.shape)
             up_down, left_right = response[best].tolist()
-            fits.append(Fit(float(inside[best]) / (1 + excess / EXCESS_DOF), (up_down, left_right)))
+            fits.append(Fit(float(inside[best]) * discount, (up_down, left_right)))
         return fits
+
+    def against(self, handle: int, sector: Sector, joints: Sequence[Joint]) -> Fit:
+        """Fit responses of both handles that belong together, and compare them with a sector.
+
+        What is counted is only what a handle explains beyond the other one, whose response has to
+        belong to it: it is as likely as the other one is, after this one's, in its sectors. In
+        the sector compared with, the other handle may respond in any way.
+
+        Args:
+            handle: 0 or 1.
+            sector: where the response of that handle may be instead.
+            joints: where both may be.
+
+        Returns:
+            The best of the joints, with its log-likelihood relative to that of the sector.
+        """
+        b, response, reached = self._profile(handle)
+        norm, angle = _polar(response)
+        instead = float((reached - b / 2 * _squared_distance(norm, angle, sector)).max())
+        n = self._candidates
+        own, other = slice(handle * n, (handle + 1) * n), slice((1 - handle) * n, (2 - handle) * n)
+        y, z = self._products[:, 2:, :2], self._products[:, 2:, 2:]
+        curvature = np.diagonal(z[:, other, other], axis1=1, axis2=2)[:, None, :] + PRIOR_WEIGHT
+        left = y[:, None, other, :] - z[:, own, other, None] * response
+        other_norm, other_angle = _polar(left / curvature[..., None])
+        best = Fit(-inf, (0.0, 0.0))
+        for joint in joints:
+            apart = np.min(
+                [_squared_distance(other_norm, other_angle, place) for place in joint.other], axis=0
+            )
+            inside = np.where(
+                _squared_distance(norm, angle, joint.own) < TINY,
+                reached - curvature / 2 * apart,
+                -inf,
+            )
+            at = np.unravel_index(int(np.argmax(inside)), inside.shape)
+            gained = float(inside[at])
+            if gained > -inf:
+                ratio = (gained - instead) * self._discount(gained)
+                up_down, left_right = response[at].tolist()
+                best = max(best, Fit(ratio, (up_down, left_right)))
+        return best
+
+    def _discount(self, reached: float) -> float:
+        """Weight of evidence whose best response reaches a log-likelihood."""
+        spread = float(self._products[0, 0, 0] + self._products[0, 1, 1])
+        return 1 / (1 + max(0.0, spread - 2 * reached - 2 * self.frames) / EXCESS_DOF)
 
     def _profile(self, handle: int) -> tuple[Vector, Vector, Vector]:
         """Curvature, best response and its log-likelihood: delays x own x other candidates."""
@@ -159,6 +212,12 @@ class WiringEvidence:
             2 * b
         )
         return b, a / b[..., None], reached
+
+
+def _polar(response: Vector) -> tuple[Vector, Vector]:
+    """Norm and angle of responses."""
+    first, second = response[..., 0], response[..., 1]
+    return np.hypot(first, second), np.arctan2(second, first)
 
 
 def _squared_distance(norm: Vector, angle: Vector, sector: Sector) -> Vector:

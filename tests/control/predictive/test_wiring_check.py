@@ -218,6 +218,38 @@ def test_a_handle_that_follows_the_target_within_its_dead_band_is_not_accused(
     assert check.open[1]  # nor is it called right
 
 
+@pytest.mark.parametrize("seed", [11, 20])
+def test_a_handle_that_wanders_while_the_other_one_turns_the_tip_is_not_accused(seed: int) -> None:
+    # Up-down stays within its dead band, in step with left-right, which bends the tip through
+    # several plays and a lag: no single play explains that, and the wandering fits what is left.
+    random = np.random.default_rng(seed)
+    period_s, swing, wander = random.uniform((4.0, 0.4, 0.15), (14.0, 0.9, 0.3))
+    phase, turns = random.uniform(0.0, 2 * pi), int(random.integers(1, 3))
+    ahead_s, leak, slope = random.uniform((0.2, -0.12, 0.5), (1.2, 0.12, 1.0))
+    radii, weights = np.array([0.02, 0.1, 0.2, 0.3]), random.dirichlet(np.ones(4))
+    times = np.arange(-1.0, 41.0, 0.02)
+    left_right = swing * np.clip(1.4 * np.sin(2 * pi * times / period_s), -1.0, 1.0)
+    up_down = wander * np.clip(1.5 * np.sin(2 * pi * turns * times / period_s + phase), -1.0, 1.0)
+    plays, bends = np.zeros(4), [0.0]
+    for h in left_right:
+        plays = np.clip(plays, h - radii, h + radii)
+        bends.append(bends[-1] + (slope * float(weights @ plays) - bends[-1]) * 0.02 / 0.15)
+    tip = np.array(bends[1:])
+
+    def handles(t: float) -> np.ndarray:
+        return np.array([np.interp(t, times, up_down), np.interp(t, times, left_right)])
+
+    def bend(t: float) -> np.ndarray:  # the camera is rotated by a few degrees
+        return np.array([leak, 1.0]) * np.interp(t, times, tip)
+
+    def target(t: float) -> np.ndarray:
+        return np.array([0.0, 0.5 * np.sin(2 * pi * (t + ahead_s) / period_s)])
+
+    check = WiringCheck(SectionGeometry())
+    _handles_and_frames(check, handles, target, bend, 40.0)
+    assert check.open[0]  # nor is it called right
+
+
 def test_a_push_that_the_handles_counter_does_not_accuse_them() -> None:
     # The tip is pushed by 0.4 rad within 1 s; half a second later the handle turns it back.
     def push(t: float) -> np.ndarray:
