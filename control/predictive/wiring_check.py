@@ -191,7 +191,7 @@ class WiringCheck:
         if self.open[1 - handle]:  # else that axis is the other handle's
             half = (3 * pi / 4 - WRONG_RAD) / 2
             joints += [
-                Joint(Sector(own + side * (WRONG_RAD + half), half, LEAST, MOST), _line(own))
+                Joint(Sector(own + side * (WRONG_RAD + half), half, LEAST, MOST), _line(own, LEAST))
                 for side in (-1, 1)
             ]
         wrong = evidence.against(handle, Sector(own, RIGHT_RAD, 0.0, MOST), joints)
@@ -203,11 +203,11 @@ class WiringCheck:
             raise _error(handle, wrong.response)
 
 
-def _line(direction: float) -> tuple[Sector, Sector]:
+def _line(direction: float, least: float = 0.0) -> tuple[Sector, Sector]:
     """Responses about an axis, either way."""
     return (
-        Sector(direction, pi / 4, 0.0, MOST),
-        Sector(direction + pi, pi / 4, 0.0, MOST),
+        Sector(direction, pi / 4, least, MOST),
+        Sector(direction + pi, pi / 4, least, MOST),
     )
 
 

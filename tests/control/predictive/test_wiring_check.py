@@ -218,14 +218,16 @@ def test_a_handle_that_follows_the_target_within_its_dead_band_is_not_accused(
     assert check.open[1]  # nor is it called right
 
 
-@pytest.mark.parametrize("seed", [11, 20])
-def test_a_handle_that_wanders_while_the_other_one_turns_the_tip_is_not_accused(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "most"), [(11, 0.12), (20, 0.12), (116, 0.58)])
+def test_a_handle_that_wanders_while_the_other_one_turns_the_tip_is_not_accused(
+    seed: int, most: float
+) -> None:
     # Up-down stays within its dead band, in step with left-right, which bends the tip through
     # several plays and a lag: no single play explains that, and the wandering fits what is left.
     random = np.random.default_rng(seed)
     period_s, swing, wander = random.uniform((4.0, 0.4, 0.15), (14.0, 0.9, 0.3))
     phase, turns = random.uniform(0.0, 2 * pi), int(random.integers(1, 3))
-    ahead_s, leak, slope = random.uniform((0.2, -0.12, 0.5), (1.2, 0.12, 1.0))
+    ahead_s, leak, slope = random.uniform((0.2, -most, 0.5), (1.2, most, 1.0))
     radii, weights = np.array([0.02, 0.1, 0.2, 0.3]), random.dirichlet(np.ones(4))
     times = np.arange(-1.0, 41.0, 0.02)
     left_right = swing * np.clip(1.4 * np.sin(2 * pi * times / period_s), -1.0, 1.0)
@@ -239,8 +241,9 @@ def test_a_handle_that_wanders_while_the_other_one_turns_the_tip_is_not_accused(
     def handles(t: float) -> np.ndarray:
         return np.array([np.interp(t, times, up_down), np.interp(t, times, left_right)])
 
-    def bend(t: float) -> np.ndarray:  # the camera is rotated by a few degrees
-        return np.array([leak, 1.0]) * np.interp(t, times, tip)
+    def bend(t: float) -> np.ndarray:  # the camera is rotated
+        moved = float(np.interp(t, times, tip))
+        return np.array([leak * moved, moved])
 
     def target(t: float) -> np.ndarray:
         return np.array([0.0, 0.5 * np.sin(2 * pi * (t + ahead_s) / period_s)])
