@@ -46,7 +46,7 @@ LEAST, MOST = 0.4, 1.7
 """Norm of a response that exists [rad/rad]. Assumed: half the usual one to almost twice."""
 ALARM, SURE = 7.0, 8.0
 """Log-likelihood ratio above which a handle is wrong, and above which it is right [nat]. Assumed:
-in 84 runs with right handles, on plants of ten kinds, the largest ratio was 2."""
+in 121 runs with right handles, on plants of ten kinds, the largest ratio was 2."""
 TIMES = 3
 """Number of frames in a row that have to accuse a handle [1]. Assumed: one or two may be off."""
 SWING_RAD = 0.25
