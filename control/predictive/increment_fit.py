@@ -29,6 +29,9 @@ SHIFTS_S = np.array([-0.16, -0.12, -0.08, -0.04, 0.0, 0.04, 0.08, 0.12, 0.16])
 """Delays of the exposures relative to their believed times that are compared [s]."""
 LEAK_S, KEEP_S = 1.0, 30.0
 """Time constants of the sums and of the evidence [s]. Assumed."""
+CLEARLY = 0.85
+"""Ratio of squared residuals below which another delay is better [1]: what columns cannot explain
+may look like a small one. Assumed."""
 WEIGHT_STD, SLOPE_STD, WIDTH_PRICE = 0.4, 0.15, 30.0
 """a and b [rad/rad], and k [1/rad]. Assumed: slopes differ by 15 % between instruments."""
 
@@ -135,12 +138,15 @@ class IncrementFit:
         fits = [self.solve(axis, float(SHIFTS_S[n]), dead_zones) for axis in range(2)]
         self._left[n] = sum(fit.residual for fit in fits)
 
-    def delay(self) -> tuple[float, float] | None:
+    def delay(self, shift: float) -> tuple[float, float] | None:
         """Delay of the exposures with the least residual, and its standard deviation [s].
 
         The weights are fitted for each delay (`look_for_delay`), as loops that are too narrow look
-        like a delay. From a parabola through the three least; None if it opens downwards, or before
-        all were looked at.
+        like a delay. From a parabola through the three least; None if it opens downwards, before all
+        were looked at, or if the least residual is not clearly below that of the present delay.
+
+        Args:
+            shift: present delay [s].
         """
         left = self._left
         if not np.isfinite(left).all():
@@ -149,6 +155,8 @@ class IncrementFit:
         below, least, above = left[best - 1 : best + 2]
         curved = below - 2 * least + above
         if curved <= 0:
+            return None
+        if least > CLEARLY * np.interp(shift, SHIFTS_S, left):
             return None
         spacing = float(SHIFTS_S[1] - SHIFTS_S[0])
         step = float(np.clip(0.5 * (below - above) / curved, -1, 1))

@@ -38,7 +38,7 @@ DRIFT_KNOT_S = 6.0
 """Spacing of the knots of the measured bend's drift [s]. Assumed."""
 RENEWAL = 0.5
 """Fraction of the step from the old to the found delay. Assumed."""
-FORGET = 0.1
+FORGET = 0.02
 """Factor on the evidence when the transmission has changed. Assumed."""
 
 
@@ -244,7 +244,7 @@ class TransmissionModel(ModelInUse):
         return True
 
     def _find_shift(self) -> None:
-        found = self._fit.delay()
+        found = self._fit.delay(self.shift_s)
         if found is not None:
             self.shift_s += RENEWAL * (found[0] - self.shift_s)
             self.shift_std_s = found[1]
