@@ -142,8 +142,8 @@ class IncrementFit:
         """Delay of the exposures with the least residual, and its standard deviation [s].
 
         The weights are fitted for each delay (`look_for_delay`), as loops that are too narrow look
-        like a delay. From a parabola through the three least; None if it opens downwards, before all
-        were looked at, or if the least residual is not clearly below that of the present delay.
+        like a delay. From a parabola through the three least; None if it opens downwards, before
+        all were looked at, or if the least residual is not clearly below that of the present delay.
 
         Args:
             shift: present delay [s].
