@@ -142,6 +142,10 @@ class Predictive:
         if observation.status is not Status.TRACKING:
             if observation.status is Status.LOST and memory.lost_s is None and memory.plays:
                 memory.lost_s = t
+                up_down, left_right = np.subtract(
+                    memory.target.at(t), memory.target.stays_at()
+                ).tolist()
+                memory.heading = up_down, left_right
             self._wiring.look(observation.t_capture, None, None, (0.0, 0.0))
             return
         memory.lost_s = memory.preview = None
