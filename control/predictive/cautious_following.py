@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from endolock.hw.api import Vector
 
-CAUTION_S, CAUTIOUS_RAD = 1.0, (0.08, 0.2)
+CAUTION_S, CAUTIOUS_RAD = 1.0, (0.07, 0.15)
 """Time constant with which the target is followed while the model is not known [s], and offsets
 from the axis up to which this holds and from which on it is followed at once [rad]. Assumed: twice
 the latency."""

@@ -3,7 +3,8 @@
 A background that belongs to something else, such as an instrument that moves, or whose scale is
 wrong, turns without the handles, or too much for them: it is not used. Without a background the
 target's own motion may look like a loop: a loop is believed after the handle went through it and
-beyond, where it explains newer frames better than no loop, or where it is known to be narrow.
+beyond, where it explains newer frames better than no loop, or where it is known to be narrow; or
+where it explains them far better.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ of a common endoscope, and frames before this is judged: otherwise the backgroun
 Assumed."""
 TURN_RAD = 0.015
 """Rms turn within a second above which the background can be judged [rad]. Assumed."""
-EVIDENT = 1.5
-"""Ratio of squared errors, no hysteresis over the found loops, above which loops are evident."""
+EVIDENT, STRIKING = 1.5, 6.0
+"""Ratios of squared errors, no hysteresis over the found loops: above the first loops are evident
+if the handle has gone through them, above the second in any case. Assumed."""
 SURE = 4.0
 """Width over its standard deviation above which a loop is known to be there [1]. Assumed."""
 LEAST_RANGE_RAD, THROUGH_RAD = 0.1, 0.1
@@ -61,7 +63,8 @@ def loops_evident(
     better = none > EVIDENT * chosen
     through = ranges > widths + THROUGH_RAD
     sure = width_std < np.maximum(NARROW_RAD, widths / SURE)
-    return bool(np.all(~moving | (through & (better | sure))))
+    striking = none > STRIKING * chosen
+    return bool(np.all(~moving | striking | (through & (better | sure))))
 
 
 def _axis_explained(fit: IncrementFit, axis: int, shift_s: float) -> bool:
