@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from functools import partial
@@ -174,8 +175,20 @@ def adopt(controller: Any, calibration: Calibration) -> Controller:
 
 
 def save(controller: Controller) -> dict[str, Any]:
-    """Return the memory of a controller of `LAWS` as plain values for JSON."""
-    return asdict(controller.memory)  # type: ignore[attr-defined]
+    """Return the memory of a controller of `LAWS` as plain values for JSON.
+
+    Raises:
+        ConfigError: its memory holds more than plain values, as that of the predictive laws.
+    """
+    try:
+        values = asdict(controller.memory)  # type: ignore[attr-defined]
+        json.dumps(values)
+    except TypeError:
+        raise ConfigError(
+            f"the memory of {type(controller).__name__} cannot be saved",
+            "start it anew; it learns within seconds",
+        ) from None
+    return values
 
 
 def restore(controller: Controller, values: Mapping[str, Any]) -> None:
