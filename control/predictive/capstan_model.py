@@ -43,11 +43,8 @@ class CapstanModel:
     """The model that follows the handles."""
     _bends: Vector = field(default_factory=lambda: np.zeros((ROOM, 2)))
     _count: int = 0
-    found_s: float = 0.0
-    """Time of the newest frame that the followed model was found with [s]."""
     _catching_up: CapstanRollout | None = None
     _caught_up_s: float = 0.0
-    _window_s: float = 0.0
     _kept: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
 
     @property
@@ -79,7 +76,7 @@ class CapstanModel:
             self._kept = [kept for kept in self._kept if kept[0] > t - WINDOW_S - LEAD_S]
 
     def bends_at(self, history: HandleHistory, t: Vector) -> Vector:
-        """Bends at any times since `since`, n x 2 [rad]."""
+        """Bends at times within `bends`, between ticks by linear interpolation, n x 2 [rad]."""
         count = min(self._count, len(history.times))
         times, bends = history.times[-count:], self.bends[-count:]
         return np.column_stack([np.interp(t, times, column) for column in bends.T])
@@ -114,7 +111,7 @@ class CapstanModel:
             bends = window.bends(found, np.array(window.ticks))
             past = [(float(up_down), float(left_right)) for up_down, left_right in bends]
             self._catching_up = CapstanRollout(found.parameters, found.states, past)
-            self._caught_up_s, self._window_s = window.ticks[-1], window.frames[-1][0]
+            self._caught_up_s = window.ticks[-1]
             self._kept = self._kept or [(window.ticks[0], window.states)]
         return False
 
@@ -156,7 +153,6 @@ class CapstanModel:
         self._catching_up = None
         self._count = 0
         self._keep(capstan.bends[-min(len(times), ROOM // 2) :])
-        self.found_s = self._window_s
         return True
 
 

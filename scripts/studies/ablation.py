@@ -53,18 +53,23 @@ CASES: dict[str, Case] = {
 """`dead zone` and `Bouc-Wen` are plants of other kinds, on `circle`."""
 
 
+def experiment(law: str, changes: tuple[str, ...], case: Case) -> Experiment:
+    """Describe one run: a row of `WITHOUT` on a column of `CASES`."""
+    return Experiment(
+        scenario=case.scenario,
+        controller=law,
+        vision="truth",
+        rig=case.rig,
+        vary=(*changes, *case.vary, "camera.truth_noise_px=0.3"),
+        duration_s=100.0,
+        scored_from_s=50.0,
+    )
+
+
 def table() -> str:
     """Run every case and return the table as Markdown."""
     experiments = [
-        Experiment(
-            scenario=case.scenario,
-            controller=law,
-            vision="truth",
-            rig=case.rig,
-            vary=(*changes, *case.vary, "camera.truth_noise_px=0.3"),
-            duration_s=100.0,
-            scored_from_s=50.0,
-        )
+        experiment(law, changes, case)
         for law, changes in WITHOUT.values()
         for case in CASES.values()
     ]

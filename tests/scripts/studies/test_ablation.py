@@ -13,14 +13,7 @@ from endolock.scripts.studies import ablation
 def test_every_column_can_be_run_with_every_row(column: str) -> None:
     case = ablation.CASES[column]
     for law, changes in ablation.WITHOUT.values():
-        Experiment(
-            scenario=case.scenario,
-            controller=law,
-            vision="truth",
-            rig=case.rig,
-            vary=(*changes, *case.vary, "camera.truth_noise_px=0.3"),
-            duration_s=100.0,
-        ).resolve()
+        ablation.experiment(law, changes, case).resolve()
 
 
 def test_a_row_without_a_mechanism_differs_from_the_whole_in_it_alone() -> None:
