@@ -23,13 +23,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import exp
+from math import copysign, exp, log
 
-import numpy as np
-
-from endolock.hw.api import Vector
-
-REACHES_RAD = np.array([0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.048, 0.064, 0.09, 10.0])
+REACHES_RAD = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.048, 0.064, 0.09, 10.0)
 """Half-widths r that are compared [rad]; the last one stands for no play but a slow mean."""
 MEAN_S = 10.0
 """Time constant of that mean [s]. Assumed."""
@@ -68,20 +64,19 @@ class ReferencePlay:
 
     def __init__(self, place: float) -> None:
         count = len(REACHES_RAD)
-        self._places = np.full(count, place)
-        self._directions = np.zeros(count)
-        self._errors = np.zeros(count)
-        self._travel = np.zeros(count)
+        # plain numbers: for so few, arrays take ten times as long
+        self._places, self._directions = [place] * count, [0.0] * count
+        self._errors, self._travel = [0.0] * count, [0.0] * count
         self._judged_s = self._moved_s = 0.0
         self._off = self._excess = self._seen_s = 0.0
-        self._said: deque[tuple[float, Vector]] = deque()
+        self._said: deque[tuple[float, list[float]]] = deque()
         self._chosen = START
         self._place, self._direction = place, 0.0
 
     @property
     def reach_rad(self) -> float:
         """Half-width of the play in use [rad]."""
-        return float(REACHES_RAD[self._chosen])
+        return REACHES_RAD[self._chosen]
 
     @property
     def place(self) -> float:
@@ -107,28 +102,35 @@ class ReferencePlay:
             width: width of the loop at the handle [rad].
         """
         before, turned = self._places, self._directions
-        self._places, self._directions = _followed(before, turned, aim, mean, REACHES_RAD)
-        self._places[-1] = before[-1] + min(dt / MEAN_S, 1.0) * (aim - before[-1])
-        self._directions[-1] = np.sign(aim - before[-1])
-        turns = (self._directions != turned) & (turned != 0)
-        moved = np.abs(self._places - before) / slope + turns * width
+        followed = [
+            _followed(place, way, aim, mean, reach)
+            for place, way, reach in zip(before, turned, REACHES_RAD, strict=True)
+        ]
+        drift = aim - before[-1]
+        side = copysign(1.0, drift) if drift else 0.0
+        followed[-1] = before[-1] + min(dt / MEAN_S, 1.0) * drift, side
+        self._places = [place for place, _ in followed]
+        self._directions = [way for _, way in followed]
         self._moved_s += dt
         share = _share(dt, self._moved_s)
-        self._travel += share * (moved / dt - self._travel)
+        for n, (place, way) in enumerate(followed):
+            turns = width if way != turned[n] != 0 else 0.0
+            moved = abs(place - before[n]) / slope + turns
+            self._travel[n] += share * (moved / dt - self._travel[n])
         self._said.append((when, self._places))
         if self._chosen == len(REACHES_RAD) - 1:
-            self._place = float(self._places[-1])
-            self._direction = float(self._directions[-1])
+            self._place, self._direction = followed[-1]
         else:
-            reach = self.reach_rad
-            self._place, self._direction = _one(self._place, self._direction, aim, mean, reach)
+            self._place, self._direction = _followed(
+                self._place, self._direction, aim, mean, self.reach_rad
+            )
         return self._place
 
     def ahead(self, aims: Sequence[float]) -> float:
         """Output of the play in use after more predictions, which leaves it unchanged [rad]."""
         place, direction = self._place, self._direction
         for aim in aims:
-            place, direction = _one(place, direction, aim, aims[-1], self.reach_rad)
+            place, direction = _followed(place, direction, aim, aims[-1], self.reach_rad)
         return place
 
     def judge(
@@ -144,7 +146,7 @@ class ReferencePlay:
             px_per_rad: pixels per bend [px/rad].
             known: whether the transmission is known; else motion must be worth it by far.
         """
-        due: tuple[float, Vector] | None = None
+        due: tuple[float, list[float]] | None = None
         while self._said and self._said[0][0] <= t:
             due = self._said.popleft()
         if due is None or t - due[0] > 0.1:  # nothing was said for this time
@@ -152,31 +154,36 @@ class ReferencePlay:
         dt = 0.04
         self._judged_s += dt
         share = _share(dt, self._judged_s)
-        self._errors += share * ((px_per_rad * (due[1] - seen)) ** 2 - self._errors)
-        moving = self._chosen < len(REACHES_RAD) - 1
-        charged = self._errors + 1.0
+        self._errors = [
+            error + share * ((px_per_rad * (place - seen)) ** 2 - error)
+            for error, place in zip(self._errors, due[1], strict=True)
+        ]
+        excess = 0.0
         if off is not None:
-            if moving:
+            if self._chosen < len(REACHES_RAD) - 1:
                 self._seen_s += dt
                 part = _share(dt, self._seen_s)
                 self._off += part * ((px_per_rad * off) ** 2 - self._off)
-                self._excess = max(self._off - float(self._errors[self._chosen]), 0.0)
-            charged[:-1] += self._excess
+                self._excess = max(self._off - self._errors[self._chosen], 0.0)
+            excess = self._excess
         if self._judged_s < JUDGED_S:
             return
-        costs = np.log(charged) + self._travel / PRICE_RAD_S
-        if not known:
-            costs[:-1] += DOUBT
-        best = int(np.argmin(costs))
+        doubt = 0.0 if known else DOUBT
+        costs = [
+            log(error + 1.0 + excess) + travel / PRICE_RAD_S + doubt
+            for error, travel in zip(self._errors, self._travel, strict=True)
+        ]
+        costs[-1] = log(self._errors[-1] + 1.0) + self._travel[-1] / PRICE_RAD_S
+        best = min(range(len(costs)), key=costs.__getitem__)
         if costs[best] < costs[self._chosen] - CLEARLY:
             self._chosen = best
 
     def move(self, by: float) -> None:
         """Shift all outputs by a change of the model [rad], with which its excess counts anew."""
         self._seen_s = min(self._seen_s, self._seen_s * exp(-abs(by) / CHANGED_RAD))
-        self._places = self._places + by
+        self._places = [place + by for place in self._places]
         self._place = self._place + by
-        self._said = deque((when, places + by) for when, places in self._said)
+        self._said = deque((when, [one + by for one in places]) for when, places in self._said)
 
     def learn_anew(self) -> None:
         """Count only what is said from now on, as the predictions are of another kind."""
@@ -187,9 +194,8 @@ class ReferencePlay:
 
     def restart(self, place: float) -> None:
         """Put all outputs at a place [rad], as after a gap; what was learnt is kept."""
-        self._places = np.full(len(REACHES_RAD), place)
-        self._place = place
-        self._directions, self._direction = np.zeros(len(REACHES_RAD)), 0.0
+        self._places, self._place = [place] * len(REACHES_RAD), place
+        self._directions, self._direction = [0.0] * len(REACHES_RAD), 0.0
         self._said.clear()
 
 
@@ -199,25 +205,9 @@ def _share(dt: float, counted_s: float) -> float:
 
 
 def _followed(
-    places: Vector, directions: Vector, aim: float, mean: float, reaches: Vector
-) -> tuple[Vector, Vector]:
-    """Outputs and directions of plays after one prediction."""
-    lags = LAG * reaches
-    turn = 2 * reaches - lags
-    rising, falling = directions > 0, directions < 0
-    above, below = aim - lags, aim + lags
-    up = (~falling & (above > places)) | (falling & (mean > places + turn) & (aim > places))
-    down = (~rising & (below < places)) | (rising & (mean < places - turn) & (aim < places))
-    raised = np.maximum(above, places + LEAST_RAD)
-    lowered = np.minimum(below, places - LEAST_RAD)
-    new = np.where(up, raised, np.where(down, lowered, places))
-    return new, np.where(up, 1.0, np.where(down, -1.0, directions))
-
-
-def _one(
     place: float, direction: float, aim: float, mean: float, reach: float
 ) -> tuple[float, float]:
-    """Output and direction of one play: `_followed` in plain numbers, which is ten times faster."""
+    """Output and direction of a play after one prediction."""
     lag = LAG * reach
     turn = 2 * reach - lag
     if (direction >= 0 and aim - lag > place) or (

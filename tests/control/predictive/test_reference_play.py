@@ -157,3 +157,11 @@ def test_while_the_transmission_is_not_known_motion_must_be_worth_it_by_far(
         aim = target(t + LEAD_S)
         play.follow(t + LEAD_S, aim, aim, dt=DT, slope=SLOPE, width=0.0)
     assert bool(play.reach_rad < REACHES_RAD[-1]) is moves
+
+
+def test_a_mirrored_course_gives_mirrored_places() -> None:
+    course = _swing(60.0, 6.0)
+    _, places, play = _run(course, 20.0)
+    _, mirrored, other = _run(lambda t: -course(t), 20.0, noise_px=-0.3)
+    assert mirrored == pytest.approx(-places, abs=1e-12)
+    assert other.reach_rad == play.reach_rad
