@@ -57,7 +57,7 @@ class Fit:
     def __init__(self, period_s: float, weights: Vector, since_s: float) -> None:
         self.period_s = period_s
         """Period [s]."""
-        self._weights = weights.tolist()
+        self._weights: list[float] = weights.tolist()
         self._since = since_s
         self.missed = 0.0
         """Mean error of the fit in the newest places [rad]."""
@@ -65,11 +65,12 @@ class Fit:
     def curve(self, t: float) -> float:
         """Return the fitted curve [rad]."""
         phase = 2 * pi * (t - self._since) / self.period_s
-        w = self._weights
-        value = w[0]
-        for k in range(1, OVERTONES + 1):
-            value += w[2 * k - 1] * cos(k * phase) + w[2 * k] * sin(k * phase)
-        return float(value)
+        w, cosine, sine = self._weights, cos(phase), sin(phase)
+        value, c, s = w[0], 1.0, 0.0
+        for k in range(1, 2 * OVERTONES, 2):
+            c, s = c * cosine - s * sine, s * cosine + c * sine
+            value += w[k] * c + w[k + 1] * s
+        return value
 
     def at(self, t: float) -> float:
         """Predict the place [rad]."""
@@ -120,22 +121,22 @@ class PeriodSearch:
     def rewrite(self, past: PlaceHistory) -> None:
         """Fit a replaced past with the present periods; the search starts again."""
         self._round, self._next = None, 0.0
-        times, places, trust = _sample(past)
+        sample = _Sample(past)
         for axis, fit in enumerate(self.fits):
             if fit:
-                _, weights, _ = _refined(times, places[axis], trust, fit.period_s, 0)
+                _, weights, _ = _refined(sample, axis, fit.period_s, 0)
                 self._publish(past, axis, fit.period_s, weights, float(past.times[-1]))
 
     def _search(self, past: PlaceHistory, variance: Pair) -> Iterator[None]:
-        times, places, trust = _sample(past)
+        sample = _Sample(past)
+        sparse = _Sample(past, 2)
         end, self._moved = float(past.times[-1]), np.zeros(2)
-        longest = -float(times[0]) / CYCLES
+        longest = sample.length_s / CYCLES
         periods = PERIODS_S[longest > PERIODS_S]
         left = []
         for n in range(0, len(periods), PER_TICK):
             some = periods[n : n + PER_TICK]
-            sparse = 2 if some[0] > SPARSE_S else 1
-            left.append(_residuals(times[::sparse], places[:, ::sparse], trust[::sparse], some))
+            left.append(_residuals(sparse if some[0] > SPARSE_S else sample, some))
             yield
         residuals = np.concatenate(left)
         for axis in range(2):
@@ -145,9 +146,9 @@ class PeriodSearch:
             if fit:
                 starts.append(fit.period_s)
             for start in starts:
-                tried.append(_refined(times, places[axis], trust, start, 2))
+                tried.append(_refined(sample, axis, start, 2))
                 yield
-            usable = [one for one in tried if one[0] * CYCLES < -times[0]]
+            usable = [one for one in tried if one[0] * CYCLES < sample.length_s]
             if usable:
                 least = min(one[2] for one in usable)
                 good = [
@@ -176,40 +177,60 @@ class PeriodSearch:
         self.fits[axis] = fit
 
 
-def _sample(past: PlaceHistory) -> tuple[Vector, Vector, Vector]:
-    """Times relative to the newest [s], places, and weights that forget the start."""
-    every = len(past.times) // POINTS + 1
-    times = past.times[::-1][::every][::-1]
-    times = times - past.times[-1]
-    places = past.places[:, ::-1][:, ::every][:, ::-1].copy()
-    return times, places, np.exp(2 * times / WINDOW_S)
+class _Sample:
+    """Places that are fitted, and how much each of them counts.
+
+    Args:
+        past: all places.
+        every: spacing of the places [1], twice that where there are more than `POINTS`, and so on.
+    """
+
+    def __init__(self, past: PlaceHistory, every: int = 1) -> None:
+        every *= len(past.times) // POINTS + 1
+        newest_first = slice(None, None, -every)
+        times = past.times[newest_first][::-1]
+        self.times = times - past.times[-1]
+        """Relative to the newest [s]."""
+        trust = np.exp(2 * self.times / WINDOW_S)  # the start is forgotten
+        trust /= trust.sum()
+        self.root = np.sqrt(trust)
+        """Square root of the weight of each place, which are of sum 1."""
+        places = past.places[:, newest_first][:, ::-1]
+        self.middle = places @ trust
+        """Mean on each axis [rad]."""
+        self.places = (places - self.middle[:, None]) * self.root
+        """Distance from the mean, by that root, one row per axis [rad]."""
+        self.squares = (self.places**2).sum(axis=1)
+        """Variance on each axis [rad2]."""
+        self.length_s = -float(self.times[0])
+        """Length of the past [s]."""
 
 
-def _waves(times: Vector, periods: Vector) -> Vector:
-    """1, cosines and sines of every period, (periods, 1 + 2 OVERTONES, times)."""
-    first = np.exp(2j * pi / periods[:, None] * times)
-    waves = np.empty((len(periods), 1 + 2 * OVERTONES, len(times)))
-    waves[:, 0] = 1.0
-    power = first
-    for k in range(OVERTONES):
-        waves[:, 2 * k + 1], waves[:, 2 * k + 2] = power.real, power.imag
-        if k + 1 < OVERTONES:
-            power = power * first
+def _waves(sample: _Sample, periods: Vector) -> Vector:
+    """1, cosines and sines of every period, by the root weights, (periods, 1 + 2 OVERTONES, n)."""
+    phases = 2 * pi / periods[:, None] * sample.times
+    waves = np.empty((len(periods), 1 + 2 * OVERTONES, len(sample.times)))
+    cosines = np.cos(phases)
+    waves[:, 0] = sample.root
+    np.multiply(cosines, sample.root, out=waves[:, 1])
+    np.multiply(np.sin(phases), sample.root, out=waves[:, 2])
+    twice = 2 * cosines[:, None]
+    for k in range(3, 2 * OVERTONES, 2):  # cos (k+1)x = 2 cos x cos kx - cos (k-1)x, sin alike
+        np.multiply(twice, waves[:, k - 2 : k], out=waves[:, k : k + 2])
+        if k == 3:
+            waves[:, 3] -= sample.root
+        else:
+            waves[:, k : k + 2] -= waves[:, k - 4 : k - 2]
     return waves
 
 
-def _residuals(times: Vector, places: Vector, trust: Vector, periods: Vector) -> Vector:
+def _residuals(sample: _Sample, periods: Vector) -> Vector:
     """Weighted mean squares that each period leaves on each axis, (periods, 2)."""
-    waves = _waves(times, periods)
-    weighted = waves * trust
-    apart = places - (places @ trust / trust.sum())[:, None]
-    gram = weighted @ waves.swapaxes(1, 2)
-    moments = weighted @ apart.T
-    gram += RIDGE * trust.sum() * _SAME
-    found = np.linalg.solve(gram, moments)
-    left: Vector = (trust * apart**2).sum(axis=1) - (moments * found).sum(axis=1)
-    mean: Vector = np.maximum(left, 0.0) / trust.sum()
-    return mean
+    waves = _waves(sample, periods)
+    gram = waves @ waves.swapaxes(1, 2) + RIDGE * _SAME
+    moments = waves @ sample.places.T
+    left: Vector = sample.squares - (moments * np.linalg.solve(gram, moments)).sum(axis=1)
+    return np.maximum(left, 0.0)
 
 
 def _minima(residuals: Vector, periods: Vector) -> list[float]:
@@ -222,27 +243,23 @@ def _minima(residuals: Vector, periods: Vector) -> list[float]:
     return found
 
 
-def _refined(
-    times: Vector, places: Vector, trust: Vector, period: float, steps: int
-) -> tuple[float, Vector, float]:
+def _refined(sample: _Sample, axis: int, period: float, steps: int) -> tuple[float, Vector, float]:
     """Refine a period by Gauss-Newton; return it, the weights, and the mean square left."""
-    ridge = RIDGE * trust.sum() * _SAME
-    middle = float(places @ trust / trust.sum())
+    places = sample.places[axis]
     for step in range(steps + 1):
-        waves = _waves(times, np.array([period]))[0]
-        weighted = waves * trust
-        gram = weighted @ waves.T + ridge
-        weights = np.linalg.solve(gram, weighted @ (places - middle))
-        off = places - middle - weights @ waves
+        waves = _waves(sample, np.array([period]))[0]
+        gram = waves @ waves.T + RIDGE * _SAME
+        weights = np.linalg.solve(gram, waves @ places)
+        off = places - weights @ waves
         if step == steps:
             break
         # d/dlog(period) of cos(k w t) is k w t sin(k w t); the waves are projected out of it.
         swing = (_ORDERS * weights[1::2]) @ waves[2::2] - (_ORDERS * weights[2::2]) @ waves[1::2]
-        slope = 2 * pi / period * times * swing
-        slope -= np.linalg.solve(gram, weighted @ slope) @ waves
-        steep = float((trust * slope**2).sum())
+        slope = 2 * pi / period * sample.times * swing
+        slope -= np.linalg.solve(gram, waves @ slope) @ waves
+        steep = float(slope @ slope)
         if steep > 0:
-            by = float((trust * slope * off).sum()) / steep
+            by = float(slope @ off) / steep
             period *= 1 + min(max(by, -FASTEST), FASTEST)
-    weights[0] += middle
-    return period, weights, float((trust * off**2).sum() / trust.sum())
+    weights[0] += sample.middle[axis]
+    return period, weights, float(off @ off)
