@@ -12,12 +12,11 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from endolock.control.predictive.harmonic_fit import OVERTONES, Sample, refined, residuals_of
 from endolock.control.predictive.place_history import WINDOW_S, PlaceHistory
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 
-OVERTONES = 3
-"""Number of harmonics, the fundamental included."""
 PERIODS_S = np.concatenate(
     [1 / np.arange(1.42, 0.30, -0.012), np.geomspace(1 / 0.30, WINDOW_S, 56)]
 )
@@ -25,8 +24,6 @@ PERIODS_S = np.concatenate(
 quarter of a cycle over the window, or by 4 %."""
 LEAST_S = 4.0
 """Shortest past that is fitted [s]."""
-POINTS = 200
-"""Largest number of places fitted; of more, every second, third, ... is used."""
 CYCLES = 1.15
 """Number of periods that the past must hold [1]. Assumed: a little more than one."""
 AS_GOOD = 1.5
@@ -39,16 +36,10 @@ SPARSE_S = 3.0
 """Periods above this are searched for in half the places [s]."""
 NOISE = 0.1
 """Part of the variance of the places by which residuals may differ, too [1]."""
-RIDGE = 1e-6
-"""Ridge, in the number of places [1]: overtones that the past cannot tell apart stay small."""
 REFINED = 4
 """Number of candidates per axis that are refined."""
-FASTEST = 0.03
-"""Largest change of a period in one refinement [1]. Assumed: less than between candidates."""
 OFFSET_S = 0.25
 """Time constant of the mean error of the fit in the newest places [s]. Assumed."""
-_SAME = np.eye(1 + 2 * OVERTONES)
-_ORDERS = np.arange(1, OVERTONES + 1)
 
 
 class Fit:
@@ -121,22 +112,22 @@ class PeriodSearch:
     def rewrite(self, past: PlaceHistory) -> None:
         """Fit a replaced past with the present periods; the search starts again."""
         self._round, self._next = None, 0.0
-        sample = _Sample(past)
+        sample = Sample(past)
         for axis, fit in enumerate(self.fits):
             if fit:
-                _, weights, _ = _refined(sample, axis, fit.period_s, 0)
+                _, weights, _ = refined(sample, axis, fit.period_s, 0)
                 self._publish(past, axis, fit.period_s, weights, float(past.times[-1]))
 
     def _search(self, past: PlaceHistory, variance: Pair) -> Iterator[None]:
-        sample = _Sample(past)
-        sparse = _Sample(past, 2)
+        sample = Sample(past)
+        sparse = Sample(past, 2)
         end, self._moved = float(past.times[-1]), np.zeros(2)
         longest = sample.length_s / CYCLES
         periods = PERIODS_S[longest > PERIODS_S]
         left = []
         for n in range(0, len(periods), PER_TICK):
             some = periods[n : n + PER_TICK]
-            left.append(_residuals(sparse if some[0] > SPARSE_S else sample, some))
+            left.append(residuals_of(sparse if some[0] > SPARSE_S else sample, some))
             yield
         residuals = np.concatenate(left)
         for axis in range(2):
@@ -146,7 +137,7 @@ class PeriodSearch:
             if fit:
                 starts.append(fit.period_s)
             for start in starts:
-                tried.append(_refined(sample, axis, start, 2))
+                tried.append(refined(sample, axis, start, 2))
                 yield
             usable = [one for one in tried if one[0] * CYCLES < sample.length_s]
             if usable:
@@ -177,62 +168,6 @@ class PeriodSearch:
         self.fits[axis] = fit
 
 
-class _Sample:
-    """Places that are fitted, and how much each of them counts.
-
-    Args:
-        past: all places.
-        every: spacing of the places [1], twice that where there are more than `POINTS`, and so on.
-    """
-
-    def __init__(self, past: PlaceHistory, every: int = 1) -> None:
-        every *= len(past.times) // POINTS + 1
-        newest_first = slice(None, None, -every)
-        times = past.times[newest_first][::-1]
-        self.times = times - past.times[-1]
-        """Relative to the newest [s]."""
-        trust = np.exp(2 * self.times / WINDOW_S)  # the start is forgotten
-        trust /= trust.sum()
-        self.root = np.sqrt(trust)
-        """Square root of the weight of each place, which are of sum 1."""
-        places = past.places[:, newest_first][:, ::-1]
-        self.middle = places @ trust
-        """Mean on each axis [rad]."""
-        self.places = (places - self.middle[:, None]) * self.root
-        """Distance from the mean, by that root, one row per axis [rad]."""
-        self.squares = (self.places**2).sum(axis=1)
-        """Variance on each axis [rad2]."""
-        self.length_s = -float(self.times[0])
-        """Length of the past [s]."""
-
-
-def _waves(sample: _Sample, periods: Vector) -> Vector:
-    """1, cosines and sines of every period, by the root weights, (periods, 1 + 2 OVERTONES, n)."""
-    phases = 2 * pi / periods[:, None] * sample.times
-    waves = np.empty((len(periods), 1 + 2 * OVERTONES, len(sample.times)))
-    cosines = np.cos(phases)
-    waves[:, 0] = sample.root
-    np.multiply(cosines, sample.root, out=waves[:, 1])
-    np.multiply(np.sin(phases), sample.root, out=waves[:, 2])
-    twice = 2 * cosines[:, None]
-    for k in range(3, 2 * OVERTONES, 2):  # cos (k+1)x = 2 cos x cos kx - cos (k-1)x, sin alike
-        np.multiply(twice, waves[:, k - 2 : k], out=waves[:, k : k + 2])
-        if k == 3:
-            waves[:, 3] -= sample.root
-        else:
-            waves[:, k : k + 2] -= waves[:, k - 4 : k - 2]
-    return waves
-
-
-def _residuals(sample: _Sample, periods: Vector) -> Vector:
-    """Weighted mean squares that each period leaves on each axis, (periods, 2)."""
-    waves = _waves(sample, periods)
-    gram = waves @ waves.swapaxes(1, 2) + RIDGE * _SAME
-    moments = waves @ sample.places.T
-    left: Vector = sample.squares - (moments * np.linalg.solve(gram, moments)).sum(axis=1)
-    return np.maximum(left, 0.0)
-
-
 def _minima(residuals: Vector, periods: Vector) -> list[float]:
     """Periods of the lowest local minima."""
     padded = np.concatenate([[np.inf], residuals, [np.inf]])
@@ -241,25 +176,3 @@ def _minima(residuals: Vector, periods: Vector) -> list[float]:
     best = places[np.argsort(residuals[places])[:REFINED]]
     found: list[float] = periods[best].tolist()
     return found
-
-
-def _refined(sample: _Sample, axis: int, period: float, steps: int) -> tuple[float, Vector, float]:
-    """Refine a period by Gauss-Newton; return it, the weights, and the mean square left."""
-    places = sample.places[axis]
-    for step in range(steps + 1):
-        waves = _waves(sample, np.array([period]))[0]
-        gram = waves @ waves.T + RIDGE * _SAME
-        weights = np.linalg.solve(gram, waves @ places)
-        off = places - weights @ waves
-        if step == steps:
-            break
-        # d/dlog(period) of cos(k w t) is k w t sin(k w t); the waves are projected out of it.
-        swing = (_ORDERS * weights[1::2]) @ waves[2::2] - (_ORDERS * weights[2::2]) @ waves[1::2]
-        slope = 2 * pi / period * sample.times * swing
-        slope -= np.linalg.solve(gram, waves @ slope) @ waves
-        steep = float(slope @ slope)
-        if steep > 0:
-            by = float(slope @ off) / steep
-            period *= 1 + min(max(by, -FASTEST), FASTEST)
-    weights[0] += sample.middle[axis]
-    return period, weights, float(off @ off)

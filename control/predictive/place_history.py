@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
+
 import numpy as np
 
 from endolock.control.transmission.kinematics import Pair
@@ -21,6 +24,9 @@ class PlaceHistory:
     def __init__(self) -> None:
         self._times = np.empty(CAPACITY)
         self._places = np.empty((2, CAPACITY))
+        # the same numbers for one at a time, which arrays are slow for
+        self._one_time = self._times.data
+        self._one_place = self._places[0].data, self._places[1].data
         self._begin = self._end = 0
         self.since_s = 0.0
         """Time since which there was no gap [s]."""
@@ -31,13 +37,18 @@ class PlaceHistory:
         return self._times[self._begin : self._end]
 
     @property
+    def first_s(self) -> float:
+        """Time of the oldest place [s]."""
+        return self._one_time[self._begin]
+
+    @property
     def places(self) -> Vector:
         """Places, one row per axis [rad]."""
         return self._places[:, self._begin : self._end]
 
     def add(self, t: float, place: Pair) -> None:
         """Add a place that is newer than all others."""
-        if self._begin == self._end or t - self._times[self._end - 1] > GAP_S:
+        if self._begin == self._end or t - self._one_time[self._end - 1] > GAP_S:
             self.since_s = t
         if self._end == CAPACITY:
             # The older half may be dropped: the window is shorter.
@@ -48,7 +59,7 @@ class PlaceHistory:
         self._times[self._end] = t
         self._places[:, self._end] = place
         self._end += 1
-        while self._times[self._begin] < t - WINDOW_S:
+        while self._one_time[self._begin] < t - WINDOW_S:
             self._begin += 1
 
     def at(self, times: Vector) -> Vector:
@@ -61,15 +72,28 @@ class PlaceHistory:
 
     def one_at(self, t: float) -> tuple[float, float, float]:
         """Interpolate at one time: place on both axes [rad], and its variance, in that of one."""
-        known, places = self.times, self.places
-        n = int(np.searchsorted(known, t))
-        if n == 0 or n == len(known):
-            n = min(n, len(known) - 1)
-            return float(places[0, n]), float(places[1, n]), 1.0
-        before = float(known[n - 1])
-        part = (t - before) / (float(known[n]) - before)
-        (a, c), (b, d) = places[:, n - 1].tolist(), places[:, n].tolist()
+        times, (up_down, left_right) = self._one_time, self._one_place
+        n = bisect_left(times, t, self._begin, self._end)
+        if n in (self._begin, self._end):
+            n = min(n, self._end - 1)
+            return up_down[n], left_right[n], 1.0
+        part = (t - times[n - 1]) / (times[n] - times[n - 1])
+        a, b, c, d = up_down[n - 1], up_down[n], left_right[n - 1], left_right[n]
         return a + part * (b - a), c + part * (d - c), (1 - part) ** 2 + part**2
+
+    def mean_at(self, axis: int, times: Sequence[float]) -> float:
+        """Mean of the interpolated places of one axis at some times, in increasing order [rad]."""
+        known, places = self._one_time, self._one_place[axis]
+        n, total = bisect_left(known, times[0], self._begin, self._end), 0.0
+        for t in times:
+            while n < self._end and known[n] < t:
+                n += 1
+            if n in (self._begin, self._end):
+                total += places[min(n, self._end - 1)]
+            else:
+                before, there = known[n - 1], places[n - 1]
+                total += there + (t - before) / (known[n] - before) * (places[n] - there)
+        return total / len(times)
 
     def move(self, by: Pair) -> None:
         """Add a constant to all places."""

@@ -48,11 +48,12 @@ PREVIEW_S = 0.35
 _STEPS = sum(WIDTHS)
 SPAN_S = _STEPS * STEP_S
 """Length of the past regressed on [s]."""
-_PAST = -STEP_S * np.arange(1, _STEPS + 1)
+_BACK = -STEP_S * np.arange(_STEPS + 1)
 _MEANS = np.zeros((_STEPS, len(WIDTHS)))
 for _k, _width in enumerate(WIDTHS):
     _MEANS[sum(WIDTHS[:_k]) : sum(WIDTHS[: _k + 1]), _k] = 1 / _width
 _COUNT = len(WIDTHS) + 2
+_SAME = np.eye(_COUNT)
 _ASKED = -1 - int(PREVIEW_S / HORIZON_STEP_S)  # the horizon asked for, before the preview
 
 
@@ -68,6 +69,7 @@ class PlaceRegression:
         self._gram = np.zeros((2, _COUNT, _COUNT))
         self._moments = np.zeros((2, _COUNT, 1))
         self._rows = 0.0
+        self._fade = 1.0  # of the sums since they were renewed
         self._waiting: list[tuple[float, Vector, Vector]] = []
         self._updates = 0
         self._t = 0.0
@@ -95,11 +97,7 @@ class PlaceRegression:
             self._ahead, self._weights = HORIZON_STEP_S * np.arange(steps), None
             self.relearn(past)
             return
-        dt = t - self._t if self._rows else 0.0
-        forget = exp(-dt / MEMORY_S)
-        self._gram *= forget
-        self._moments *= forget
-        self._rows *= forget
+        self._fade *= exp(-(t - self._t) / MEMORY_S) if self._rows else 1.0
         self._t = t
         self._waiting.append((t, *self._regressors(past, np.array([t]))))
         self._updates += 1
@@ -112,7 +110,7 @@ class PlaceRegression:
         """Learn from the whole past again, from every fourth place, and predict."""
         self._gram = np.zeros((2, _COUNT, _COUNT))
         self._moments = np.zeros((2, _COUNT, len(self._ahead)))
-        self._rows, self._path, self._waiting = 0.0, None, []
+        self._rows, self._fade, self._path, self._waiting = 0.0, 1.0, None, []
         times = past.times
         if self._origin is None or not len(times):
             return
@@ -155,7 +153,7 @@ class PlaceRegression:
         """Regressors (2, rows, count) and places (2, rows) at times."""
         assert self._origin is not None
         rows = len(anchors)
-        times = (anchors[:, None] + np.concatenate([[0.0], _PAST])).ravel()
+        times = (anchors[:, None] + _BACK).ravel()
         places = past.at(times).reshape(2, rows, _STEPS + 1)
         now = places[:, :, 0]
         found = np.empty((2, rows, _COUNT))
@@ -196,21 +194,30 @@ class PlaceRegression:
 
     def _learn(self, regressors: Vector, moved: Vector, trust: Vector) -> None:
         weighted = (regressors * trust[:, None]).swapaxes(1, 2)
+        self._forget()
         self._gram += weighted @ regressors
         self._moments += weighted @ moved
         self._rows += float(trust.sum())
+
+    def _forget(self) -> None:
+        """Let the sums count less by the time that has passed."""
+        self._gram *= self._fade
+        self._moments *= self._fade
+        self._rows *= self._fade
+        self._fade = 1.0
 
     def _predict(
         self, past: PlaceHistory, t: float, regressors: Vector, now: Vector, again: bool = True
     ) -> None:
         """Predict from the newest place, after computing the weights again if wanted."""
-        if self._rows < LEAST_ROWS or past.since_s > t - SPAN_S:
+        if self._fade * self._rows < LEAST_ROWS or past.since_s > t - SPAN_S:
             self._path = None
             return
         if self._weights is None or again:
             early = FIRST_RAD if self._judged * STEP_S < 1 else 0.0
             missed = np.maximum(self._missed, early**2)
             ridge = RIDGE * self._variance + RIDGE_OF_ERROR * missed + 1e-9
-            gram = self._gram + ridge[:, None, None] * np.eye(_COUNT)
+            self._forget()
+            gram = self._gram + ridge[:, None, None] * _SAME
             self._weights = np.asarray(np.linalg.solve(gram, self._moments))
         self._path = (now + (regressors @ self._weights)[:, 0]).tolist()

@@ -27,7 +27,6 @@ from endolock.control.predictive.place_history import GAP_S, PlaceHistory
 from endolock.control.predictive.place_regression import PREVIEW_S, PlaceRegression
 from endolock.control.predictive.prediction_blend import PredictionBlend
 from endolock.control.transmission.kinematics import Pair
-from endolock.hw.api import Vector
 
 REACH = 1.2
 """Largest predicted displacement, in the largest seen within a horizon [1]. Assumed: the target may
@@ -41,7 +40,7 @@ REACH_MEMORY_S = 30.0
 WEIGH_EVERY = 6
 """Number of updates after which an axis is weighed again [1], in turns; at once after a predictor
 came or went."""
-REPEATED_S = 0.08 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+REPEATED_S = (-0.08, -0.04, 0.0, 0.04, 0.08)
 """Times around one period ago whose places are averaged [s]: five frames."""
 RESTART_S = 2.0
 """Length of the past that restarts a filter when the past is replaced [s]."""
@@ -226,13 +225,13 @@ class TargetPrediction:
         """Find how far the newest places are from those of one period ago."""
         if not self._periods:
             return
+        newest = [t + after - REPEATED_S[-1] for after in REPEATED_S]
         for axis, fit in enumerate(self._periods.fits):
             if fit:
-                newest = t + REPEATED_S - REPEATED_S[-1]
-                times = np.concatenate([newest, newest - fit.period_s])
-                places = self._axis_at(axis, times)
-                half = len(REPEATED_S)
-                self._repeat_off[axis] = float(places[:half].sum() - places[half:].sum()) / half
+                then = [one - fit.period_s for one in newest]
+                self._repeat_off[axis] = self._past.mean_at(axis, newest) - self._past.mean_at(
+                    axis, then
+                )
 
     def _find_surprises(self, variance: Pair) -> None:
         """Find how far the newest place is from where each predictor has it, beyond the noise."""
@@ -242,10 +241,6 @@ class TargetPrediction:
             for x in self._each(axis, 0.0, repeats=False):  # which follow anyway
                 off = stays - x if x is not None else 0.0
                 self._surprise[axis].append(off - min(max(off, -noise), noise))
-
-    def _axis_at(self, axis: int, times: Vector) -> Vector:
-        places: Vector = np.interp(times, self._past.times, self._past.places[axis])
-        return places
 
     def _each(self, axis: int, dt: float, repeats: bool = True) -> list[float | None]:
         """Prediction of each predictor a time after the newest place [rad]; None without one."""
@@ -263,9 +258,12 @@ class TargetPrediction:
     def _blended(self, axis: int, dt: float) -> float:
         """Blend of the predictors that have a share, a time after the newest place [rad]."""
         found = stays = self._filters[axis][0].place
+        shares = self._blends[axis].shares
+        if shares[0] == 1.0:
+            return stays
         low, high = self._bounds(axis, dt)
         surprise = self._surprise[axis]
-        for n, share in enumerate(self._blends[axis].shares):
+        for n, share in enumerate(shares):
             if n and share:
                 x = self._one(axis, n, dt)
                 if x is not None:
@@ -280,7 +278,6 @@ class TargetPrediction:
 
     def _one(self, axis: int, n: int, dt: float) -> float | None:
         """Prediction of one predictor a time after the newest place [rad]; None without one."""
-        assert self._t is not None
         filters = self._filters[axis]
         near = min(dt, self._horizon + PREVIEW_S)  # in a gap, velocity ends there
         if n < len(filters):
@@ -288,6 +285,7 @@ class TargetPrediction:
         if self._regression and n == len(filters):
             return self._regression.ahead(axis, near)
         assert self._periods
+        assert self._t is not None
         fit = self._periods.fits[axis]
         if not fit:
             return None
@@ -297,10 +295,13 @@ class TargetPrediction:
         """Place one period ago, corrected by the newest ones [rad]; None if it is too long ago."""
         assert self._t is not None
         then = self._t - fit.period_s
-        if then + 2 * REPEATED_S[0] < self._past.times[0]:
+        if then + 2 * REPEATED_S[0] < self._past.first_s:
             return None
-        places = self._axis_at(axis, then + dt + REPEATED_S)
-        return float(places.sum()) / len(REPEATED_S) + self._repeat_off[axis]
+        then += dt
+        return (
+            self._past.mean_at(axis, [then + after for after in REPEATED_S])
+            + (self._repeat_off[axis])
+        )
 
 
 class _Said:

@@ -46,8 +46,7 @@ class PredictionBlend:
     def __init__(self, count: int, start_rad: float) -> None:
         self.shares = [1.0] + [0.0] * (count - 1)
         """Share of each predictor in the blend, of sum 1."""
-        self._sums = np.zeros((count, count))
-        self._counts = np.zeros((count, count))
+        self._sums = np.zeros((2, count, count))  # products of errors, and how many there were
         self._helped = self._tried = 0.0
         self._missed, self._judged = start_rad**2, 0.0
         self._variance = 0.0
@@ -71,7 +70,6 @@ class PredictionBlend:
         """Let all errors decay over a time [s]."""
         keep = exp(-dt / MEMORY_S)
         self._sums *= keep
-        self._counts *= keep
         self._helped *= keep
         self._tried *= keep
         self._judged *= exp(-dt / ERROR_MEMORY_S)
@@ -90,10 +88,9 @@ class PredictionBlend:
         """
         stays = said[0]
         assert stays is not None
-        errors = np.array([0.0 if x is None else x - seen for x in said])
-        known = np.array([x is not None for x in said], dtype=float)
-        self._sums += np.outer(errors, errors)
-        self._counts += np.outer(known, known)
+        errors = [0.0 if x is None else x - seen for x in said]
+        both = np.array([errors, [0.0 if x is None else 1.0 for x in said]])
+        self._sums += both[:, :, None] * both[:, None, :]
         self._helped += (raw - stays) * (seen - stays)
         self._tried += (raw - stays) ** 2
         self._judged += 1
@@ -103,18 +100,19 @@ class PredictionBlend:
 
     def weigh(self, present: Sequence[bool]) -> None:
         """Choose the shares, of predictors that predict at present."""
-        counts = np.diagonal(self._counts)
+        counts = self._sums[1].diagonal().tolist()
         usable = [n for n, known in enumerate(present) if known and counts[n] >= LEAST]
         raw = np.zeros(len(present))
         if not usable or usable[0] != 0 or len(usable) == 1:
             raw[0] = 1.0
         else:
-            pick = np.ix_(usable, usable)
-            products = self._sums[pick] / np.maximum(self._counts[pick], 1e-9)
-            doubt = RIDGE + NEW / counts[usable]
-            doubt[0] = RIDGE
-            squared = np.diagonal(products)
-            raw[usable] = _least(products + np.diag(doubt * squared + 1e-14))
+            sums, compared = self._sums[:, usable][:, :, usable]
+            products = sums / np.maximum(compared, 1e-9)
+            doubt = [RIDGE, *(RIDGE + NEW / counts[n] for n in usable[1:])]
+            squared = np.einsum("ii->i", products)
+            squared *= 1 + np.array(doubt)
+            squared += 1e-14
+            raw[usable] = _least(products)
         gain = min(max(self._helped / self._tried, 0.0), 1.0) if self._tried > 0 else 1.0
         shares = gain * raw
         shares[0] += 1 - gain
@@ -135,9 +133,7 @@ def _least(products: Vector) -> Vector:
     """Weights >= 0 of sum 1 that minimise w' C w: negative ones are left out, one round each."""
     left = np.arange(len(products))
     while True:
-        found: Vector = np.asarray(
-            np.linalg.solve(products[np.ix_(left, left)], np.ones(len(left)))
-        )
+        found: Vector = np.asarray(np.linalg.solve(products[left][:, left], np.ones(len(left))))
         found /= found.sum()
         if found.min() >= 0 or len(left) == 1:
             break

@@ -100,8 +100,8 @@ class WiringCheck:
         if self._handles is None:
             self._outputs = np.tile(h, len(RADII))
             self._handles = self._lowest = self._highest = handles
-        self._outputs = np.clip(self._outputs, h - RADII, h + RADII)
-        dead = h - np.clip(h, -DEAD_ZONES, DEAD_ZONES)
+        self._outputs = np.minimum(np.maximum(self._outputs, h - RADII), h + RADII)
+        dead = h - np.minimum(np.maximum(h, -DEAD_ZONES), DEAD_ZONES)
         self._travel += sum(abs(a - b) for a, b in zip(handles, self._handles, strict=True))
         self._handles = handles
         (a, b), (low_a, low_b), (high_a, high_b) = handles, self._lowest, self._highest
@@ -109,7 +109,8 @@ class WiringCheck:
             (min(a, low_a), min(b, low_b)),
             (max(a, high_a), max(b, high_b)),
         )
-        self._past.append((t, np.hstack([self._outputs, dead]).ravel(), self._travel))
+        responses = np.concatenate([self._outputs, dead], axis=1).ravel()
+        self._past.append((t, responses, self._travel))
         while self._past[0][0] < t - KEEP_S:
             self._past.popleft()
 
@@ -154,16 +155,16 @@ class WiringCheck:
 
     def _responses(self, exposed_s: float) -> tuple[Vector, float]:
         """Responses at an exposure, for each trial delay, and the speed of the handles [rad/s]."""
-        times = [t for t, _, _ in self._past]
+        last = len(self._past) - 1
         rows = []
         for delay in DELAYS_S:
-            n = min(max(bisect(times, exposed_s + delay), 1), len(times) - 1)
+            n = min(max(bisect(self._past, exposed_s + delay, key=_time), 1), last)
             (before, a, _), (after, b, _) = self._past[n - 1], self._past[n]
             share = min(max((exposed_s + delay - before) / (after - before), 0.0), 1.0)
             rows.append(a + share * (b - a))
-        n = min(max(bisect(times, exposed_s), RATE_TICKS), len(times) - 1)
-        first, last = self._past[n - RATE_TICKS], self._past[n]
-        return np.array(rows), (last[2] - first[2]) / (last[0] - first[0])
+        n = min(max(bisect(self._past, exposed_s, key=_time), RATE_TICKS), last)
+        (began, _, travel), (ended, _, travelled) = self._past[n - RATE_TICKS], self._past[n]
+        return np.array(rows), (travelled - travel) / (ended - began)
 
     def _judge(self, handle: int, evidence: WiringEvidence) -> None:
         own = (0.0, pi / 2)[handle]
@@ -201,6 +202,10 @@ class WiringCheck:
         self._suspected[handle] += 1
         if self._suspected[handle] >= TIMES:
             raise _error(handle, wrong.response)
+
+
+def _time(past: tuple[float, Vector, float]) -> float:
+    return past[0]
 
 
 def _line(direction: float, least: float = 0.0) -> tuple[Sector, Sector]:

@@ -108,7 +108,8 @@ class WiringEvidence:
             variance: of the measurement, each axis.
             walk: variance of the errors that add up since the previous measurement.
         """
-        columns = np.hstack([np.tile(measured, (len(responses), 1)), responses])
+        columns = np.empty((len(responses), 2 + responses.shape[1]))
+        columns[:, :2], columns[:, 2:] = measured, responses
         if self._t is None:
             self._t, self._place, self._speed = t, columns, np.zeros_like(columns)
             self._covariance = (variance, 0.0, SPEED_RAD_S**2)
