@@ -18,6 +18,7 @@ Reference:
 
 from __future__ import annotations
 
+from math import exp
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ CLEARLY = 0.85
 may look like a small one. Assumed."""
 WEIGHT_STD, SLOPE_STD, WIDTH_PRICE = 0.4, 0.15, 30.0
 """a and b [rad/rad], and k [1/rad]. Assumed: slopes differ by 15 % between instruments."""
+_PRECISION = np.eye(COLUMNS) / WEIGHT_STD**2 + 1 / SLOPE_STD**2
+_PULL = PRIOR / WEIGHT_STD**2 + PRIOR.sum() / SLOPE_STD**2 - WIDTH_PRICE * HALF_WIDTHS
 
 
 class FittedAxis(NamedTuple):
@@ -62,7 +65,7 @@ class IncrementFit:
         self.count = 0.0
         """Number of frames that count."""
         self._dt = 0.04
-        self._left = np.full(count, np.inf)
+        self._left = np.full((2, count), np.inf)
         self._next = 0
 
     @property
@@ -79,13 +82,15 @@ class IncrementFit:
             variance: their variances, 2 [rad2].
             dt: time between the frames [s].
         """
-        leak, keep = np.exp(-dt / LEAK_S), np.exp(-dt / KEEP_S)
+        leak, keep = exp(-dt / LEAK_S), exp(-dt / KEEP_S)
         self._dt += 0.1 * (dt - self._dt)
         self._x = leak * self._x + columns
         self._y = leak * self._y + bend
         self._y_noise = leak**2 * self._y_noise + variance
-        self._xx = keep * self._xx + self._x[..., None] * self._x[..., None, :]
-        self._xy = keep * self._xy + self._x * self._y[:, None]
+        self._xx *= keep
+        self._xx += self._x[..., None] * self._x[..., None, :]
+        self._xy *= keep
+        self._xy += self._x * self._y[:, None]
         self._yy = keep * self._yy + self._y**2
         self._noise = keep * self._noise + self._y_noise
         self.count = keep * self.count + 1
@@ -107,21 +112,19 @@ class IncrementFit:
         from scipy.optimize import nnls  # see prepare
 
         count = max(self.count, 1.0)
-        low = int(np.clip(np.searchsorted(SHIFTS_S, shift) - 1, 0, len(SHIFTS_S) - 2))
-        part = float(np.clip((shift - SHIFTS_S[low]) / (SHIFTS_S[low + 1] - SHIFTS_S[low]), 0, 1))
+        low = min(max(int(np.searchsorted(SHIFTS_S, shift)) - 1, 0), len(SHIFTS_S) - 2)
+        below, above = SHIFTS_S[low : low + 2].tolist()
+        part = min(max((shift - below) / (above - below), 0.0), 1.0)
         k = COLUMNS if dead_zones else PLAYS
         xx = ((1 - part) * self._xx[low, axis] + part * self._xx[low + 1, axis])[:k, :k]
         xy = ((1 - part) * self._xy[low, axis] + part * self._xy[low + 1, axis])[:k]
         yy, noise = float(self._yy[axis]), float(self._noise[axis]) / count
-        prior, half = PRIOR[:k], HALF_WIDTHS[:k]
-        variance = max(noise, 1e-7)
-        weights = prior
+        half, variance = HALF_WIDTHS[:k], max(noise, 1e-7)
         for _ in range(2):
             scale = variance * LEAK_S / self._dt
-            a = xx / scale + np.eye(k) / WEIGHT_STD**2 + 1 / SLOPE_STD**2
-            b = xy / scale + prior / WEIGHT_STD**2 + prior.sum() / SLOPE_STD**2
-            b = b - WIDTH_PRICE * half
-            root = np.linalg.cholesky(a + 1e-9 * np.eye(k))
+            a = xx / scale + _PRECISION[:k, :k]
+            b = xy / scale + _PULL[:k]
+            root = np.linalg.cholesky(a)
             weights, _ = nnls(root.T, np.linalg.solve(root, b))
             residual = max(yy - 2 * weights @ xy + weights @ xx @ weights, 0.0) / count
             variance = max(noise, residual, 1e-7)
@@ -133,10 +136,10 @@ class IncrementFit:
         return FittedAxis(full, residual, float(np.sqrt(max(spread, 0.0))))
 
     def look_for_delay(self, dead_zones: bool) -> None:
-        """Fit both axes with one of the delays of `SHIFTS_S`, the next at each call."""
-        n = self._next = (self._next + 1) % len(SHIFTS_S)
-        fits = [self.solve(axis, float(SHIFTS_S[n]), dead_zones) for axis in range(2)]
-        self._left[n] = sum(fit.residual for fit in fits)
+        """Fit one axis with one of the delays of `SHIFTS_S`, the next at each call."""
+        self._next = (self._next + 1) % self._left.size
+        axis, n = divmod(self._next, len(SHIFTS_S))
+        self._left[axis, n] = self.solve(axis, float(SHIFTS_S[n]), dead_zones).residual
 
     def delay(self, shift: float) -> tuple[float, float] | None:
         """Delay of the exposures with the least residual, and its standard deviation [s].
@@ -148,7 +151,7 @@ class IncrementFit:
         Args:
             shift: present delay [s].
         """
-        left = self._left
+        left = self._left.sum(axis=0)
         if not np.isfinite(left).all():
             return None
         best = int(np.clip(np.argmin(left), 1, len(SHIFTS_S) - 2))

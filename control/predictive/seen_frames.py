@@ -73,8 +73,13 @@ def bend_change(turn: Vector, bend: Vector) -> Vector:
         turn: rotation of the camera since a frame, in its axes then, 3 [rad].
         bend: bend in that frame, 2 [rad].
     """
-    found = np.linalg.lstsq(right_jacobian(bend)[:, :2], turn, rcond=None)
-    return np.array(found[0])
+    (a, d, _), (b, e, _), (c, f, _) = right_jacobian(bend).tolist()
+    x, y, z = turn.tolist()
+    # least squares: the columns are far from parallel
+    first, mixed, second = a * a + b * b + c * c, a * d + b * e + c * f, d * d + e * e + f * f
+    one, two = a * x + b * y + c * z, d * x + e * y + f * z
+    volume = first * second - mixed * mixed
+    return np.array([(second * one - mixed * two) / volume, (first * two - mixed * one) / volume])
 
 
 def right_jacobian(bend: Vector) -> Vector:
@@ -85,8 +90,14 @@ def right_jacobian(bend: Vector) -> Vector:
     """
     up_down, left_right = float(bend[0]), float(bend[1])
     t = min(hypot(up_down, left_right), LARGEST_BEND_RAD)
-    cross = np.array([[0, 0, left_right], [0, 0, -up_down], [-left_right, up_down, 0]])
-    if t < 1e-4:
-        return np.eye(3) - cross / 2
-    jacobian: Vector = np.eye(3) - (1 - cos(t)) / t**2 * cross + (t - sin(t)) / t**3 * cross @ cross
-    return jacobian
+    half, cubic = 0.5, 1 / 6
+    if t >= 1e-4:
+        half, cubic = (1 - cos(t)) / t**2, (t - sin(t)) / t**3
+    mixed, size = cubic * up_down * left_right, up_down**2 + left_right**2
+    return np.array(
+        [
+            [1 - cubic * left_right**2, mixed, -half * left_right],
+            [mixed, 1 - cubic * up_down**2, half * up_down],
+            [half * left_right, -half * up_down, 1 - cubic * size],
+        ]
+    )
