@@ -101,7 +101,7 @@ class HandleHistory:
 def _behind_slack(handles: Vector) -> Vector:
     """Handle angles behind the dead zone of each column, 2 x `COLUMNS` [rad]."""
     h = handles[:, None]
-    behind: Vector = np.maximum(h - SLACKS, 0.0) + np.minimum(h + SLACKS, 0.0)
+    behind: Vector = h - np.minimum(np.maximum(h, -SLACKS), SLACKS)
     return behind
 
 
@@ -120,11 +120,8 @@ def handle_for(
         reach: largest handle angle [rad].
     """
     used: list[tuple[float, float, float, float]] = [
-        (weight, radius, slack, output)
-        for weight, radius, slack, output in zip(
-            weights.tolist(), RADII.tolist(), SLACKS.tolist(), outputs.tolist(), strict=True
-        )
-        if weight
+        (weights.item(n), RADII.item(n), SLACKS.item(n), outputs.item(n))
+        for n in weights.nonzero()[0].tolist()
     ]
 
     def bend_at(h: float) -> float:

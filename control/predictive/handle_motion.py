@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from math import pi
 
-import numpy as np
-
 from endolock.control.predictive.model_in_use import ModelInUse
 from endolock.control.predictive.reference_play import ReferencePlay
 from endolock.control.transmission.kinematics import Pair
@@ -33,22 +31,22 @@ LONGEST_S = 0.35
 """Longest time that a turn is foreseen [s]."""
 
 
-def foreseen_s(widths: Vector) -> Vector:
+def foreseen_s(widths: Vector) -> Pair:
     """Time that each handle needs to cross its loop, 2 [s].
 
     Args:
         widths: widths of the loops, 2 [rad].
     """
-    times: Vector = np.minimum(widths / SPEED_RAD_S, LONGEST_S)
-    return times
+    first, second = widths.tolist()
+    return min(first / SPEED_RAD_S, LONGEST_S), min(second / SPEED_RAD_S, LONGEST_S)
 
 
 def next_goals(
     goals: Pair,
     model: ModelInUse,
     plays: tuple[ReferencePlay, ReferencePlay],
-    wanted: Vector,
-    soon: Vector,
+    wanted: Pair,
+    soon: Pair,
     *,
     speeds: Pair,
     dt: float,
@@ -64,18 +62,20 @@ def next_goals(
         speeds: highest speeds [rad/s].
         dt: length of the tick [s].
     """
-    early, present = foreseen_s(model.widths), model.bend
+    early, present = foreseen_s(model.widths), model.bend.tolist()
     now = model.handles_for(wanted, pi)
     facing = plays[0].direction, plays[1].direction
-    turns = ((soon - present) * facing < 0).any()
+    turns = any(
+        (later - at) * way < 0 for later, at, way in zip(soon, present, facing, strict=True)
+    )
     then = model.handles_for(soon, pi) if turns else now
     new = []
     for axis, play in enumerate(plays):
         old, goal, ahead = goals[axis], now[axis], then[axis]
         handle, way = float(model.history.handles[axis]), facing[axis]
-        beyond = abs(float(wanted[axis] - present[axis]))
+        beyond = abs(wanted[axis] - present[axis])
         if (ahead - handle) * way < 0 <= (goal - handle) * way:  # a turn is foreseen
-            left = EARLY * SPEED_RAD_S * float(early[axis])
+            left = EARLY * SPEED_RAD_S * early[axis]
             goal = min(max(goal, ahead - left), ahead + left)
         elif (goal - old) * way <= 0 and beyond < max(SLACK_RAD, SLACK_SHARE * play.reach_rad):
             goal = old  # not worth the way back through the loop

@@ -29,23 +29,32 @@ class ModelInUse:
         """Handle angles and columns of the past."""
         self.history.follow(t, handles)
         self.weights = np.array([PRIOR, PRIOR])
-        """Weights of the columns in use, 2 x `COLUMNS` [rad/rad]."""
         self.capstan = CapstanModel()
         """The capstan model, and the search for it."""
         self.capstan_used = False
         """Whether the capstan is used instead of the columns."""
 
     @property
+    def weights(self) -> Vector:
+        """Weights of the columns in use, 2 x `COLUMNS` [rad/rad]; they are replaced as a whole."""
+        return self._weights
+
+    @weights.setter
+    def weights(self, weights: Vector) -> None:
+        self._weights = weights
+        weights.flags.writeable = False
+        self._slopes: Vector = np.maximum(weights.sum(axis=1), 0.1)
+        self._widths: Vector = 2 * (weights @ HALF_WIDTHS) / self._slopes
+
+    @property
     def widths(self) -> Vector:
         """Mean full loop width of each axis [rad]."""
-        width: Vector = 2 * (self.weights @ HALF_WIDTHS) / self.slopes
-        return width
+        return self._widths
 
     @property
     def slopes(self) -> Vector:
         """Bend per handle angle of each axis in long strokes [rad/rad]."""
-        slopes: Vector = np.maximum(self.weights.sum(axis=1), 0.1)
-        return slopes
+        return self._slopes
 
     @property
     def bend(self) -> Vector:
@@ -69,20 +78,18 @@ class ModelInUse:
             bends = np.einsum("ak,nak->na", self.weights, self.history.columns_at(t))
         return bends
 
-    def handles_for(self, bend: Vector, reach: float) -> Pair:
+    def handles_for(self, bend: Pair, reach: float) -> Pair:
         """Nearest handle angles at which the model has a bend, in axes of the video [rad]."""
         up_down, left_right = self.history.handles.tolist()
         if self.capstan_used:
-            wanted = self._turned() @ bend
-            return self.capstan.handles_for(
-                (float(wanted[0]), float(wanted[1])), (up_down, left_right)
-            )
+            one, two = (self._turned() @ bend).tolist()
+            return self.capstan.handles_for((one, two), (up_down, left_right))
         first, second = (
             handle_history.handle_for(
                 self.weights[axis],
                 self.history.outputs[axis],
                 handle,
-                float(bend[axis]),
+                bend[axis],
                 reach=reach,
             )
             for axis, handle in enumerate((up_down, left_right))

@@ -43,7 +43,7 @@ from endolock.control.predictive.seen_frames import SeenFrame
 from endolock.control.predictive.servo_droop import ServoDroop
 from endolock.control.predictive.wiring_check import WiringCheck
 from endolock.control.transmission import kinematics
-from endolock.control.transmission.kinematics import SectionGeometry
+from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.hw.api import Calibration, Command, State, Vector
 from endolock.vision import camera_model
@@ -199,21 +199,21 @@ class Predictive:
         if memory.lost_s is not None:
             last = memory.plays[0].place, memory.plays[1].place
             place = target_search.place(last, memory.heading, t - memory.lost_s, self._half_view)
-            wanted = soon = np.array(place)
+            wanted = soon = place
             speeds = (target_search.HANDLE_SPEED_RAD_S,) * 2
         else:
             wanted, soon = self._desired(t, dt)
-            off, expected = (wanted - model.bend).tolist(), memory.target.error_rad
+            present, expected = model.bend.tolist(), memory.target.error_rad
             speeds = (
-                handle_motion.speed(off[0], expected[0]),
-                handle_motion.speed(off[1], expected[1]),
+                handle_motion.speed(wanted[0] - present[0], expected[0]),
+                handle_motion.speed(wanted[1] - present[1], expected[1]),
             )
         memory.goals = handle_motion.next_goals(
             memory.goals, model, memory.plays, wanted, soon, speeds=speeds, dt=dt
         )
 
-    def _desired(self, t: float, dt: float) -> tuple[Vector, Vector]:
-        """Bends that the model is to have, and a loop's crossing later, each 2 [rad]."""
+    def _desired(self, t: float, dt: float) -> tuple[Pair, Pair]:
+        """Bends that the model is to have, and a loop's crossing later [rad]."""
         memory, model = self.memory, self.memory.model
         assert memory.plays is not None
         when = t + self._settings.lead_s
@@ -226,23 +226,19 @@ class Predictive:
         else:
             target = np.array(memory.target.stays_at())
             place = memory.cautious.follow(t, target, model.bend, memory.off_rad)
-            seen = np.repeat([place], len(PREVIEW_S), axis=0)
-        slopes, widths = model.slopes, model.widths
-        early = handle_motion.foreseen_s(widths)
-        wanted, soon = np.empty(2), np.empty(2)
+            up_down, left_right = place.tolist()
+            seen = [(up_down, left_right)] * len(PREVIEW_S)
+        slopes, widths = model.slopes.tolist(), model.widths.tolist()
+        early = handle_motion.foreseen_s(model.widths)
+        wanted, soon = [], []
         for axis, play in enumerate(memory.plays):
-            wanted[axis] = play.follow(
-                when,
-                float(seen[0, axis]),
-                float(seen[:, axis].mean()),
-                dt=dt,
-                slope=float(slopes[axis]),
-                width=float(widths[axis]),
-            )
-            moments = [early[axis] / 2, early[axis]]
-            aims = np.interp(moments, PREVIEW_S, seen[:, axis])
-            soon[axis] = play.ahead(aims.tolist())
-        return wanted, soon
+            path = [place[axis] for place in seen]
+            slope, width = slopes[axis], widths[axis]
+            mean = sum(path) / len(path)
+            wanted.append(play.follow(when, path[0], mean, dt=dt, slope=slope, width=width))
+            moments = early[axis] / 2, early[axis]
+            soon.append(play.ahead(np.interp(moments, PREVIEW_S, path).tolist()))
+        return (wanted[0], wanted[1]), (soon[0], soon[1])
 
 
 def _noise_px2(observation: Observation) -> float:

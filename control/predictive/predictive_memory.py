@@ -15,7 +15,7 @@ from endolock.control.predictive.transmission_model import TransmissionModel
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import AXES, Vector
 
-PREVIEW_S = np.array([0.0, 0.1, 0.2, 0.3])
+PREVIEW_S = (0.0, 0.1, 0.2, 0.3)
 """Moments of the preview, after that for which the target is predicted [s]."""
 ERROR_VARIANCE = 1e-6
 """Variance of a measured error of the model [rad2]. Assumed: 1 mrad."""
@@ -41,9 +41,9 @@ class PredictiveMemory:
     """What the servos stop short of their goals."""
     distance_m: float | None = None
     """Depth of the target, as last measured by markers [m]."""
-    preview: Vector | None = None
-    """How much further the bend is to be at `PREVIEW_S` but the first, 3 x 2 [rad]; None if that
-    was not computed since the newest frame."""
+    preview: list[Pair] | None = None
+    """How much further the bend is to be at `PREVIEW_S` [rad]; None if that was not computed since
+    the newest frame."""
     cautious: CautiousFollowing = field(default_factory=CautiousFollowing)
     """Slow following while the model is not known."""
     px_per_rad: float = 350.0
@@ -80,27 +80,27 @@ class PredictiveMemory:
         signals["unexplained_rad"] = model.error_rad
         return signals
 
-    def wanted(self, t: float) -> Vector:
-        """Bend that the model is to have at a time, 2 [rad]."""
-        if self.model.background:
-            wanted: Vector = np.subtract(self.target.at(t), self.error.at(t))
-        else:
-            wanted = np.array(self.target.at(t))
-        return wanted
+    def wanted(self, t: float) -> Pair:
+        """Bend that the model is to have at a time [rad]."""
+        wanted = self.target.at(t)
+        if not self.model.background:
+            return wanted
+        off = self.error.at(t)
+        return wanted[0] - off[0], wanted[1] - off[1]
 
-    def foreseen(self, when: float) -> Vector:
-        """Bends that the model is to have at the moments of the preview, 4 x 2 [rad].
+    def foreseen(self, when: float) -> list[Pair]:
+        """Bends that the model is to have at the moments of the preview [rad].
 
         Between frames all but the first move along with it.
 
         Args:
             when: first of these moments [s].
         """
-        now = self.wanted(when)
+        up_down, left_right = self.wanted(when)
         if self.preview is None:
-            later = [self.wanted(when + after) for after in PREVIEW_S[1:].tolist()]
-            self.preview = np.array(later) - now
-        return np.concatenate([now[None], now + self.preview])
+            later = [self.wanted(when + after) for after in PREVIEW_S[1:]]
+            self.preview = [(0.0, 0.0), *((a - up_down, b - left_right) for a, b in later)]
+        return [(up_down + a, left_right + b) for a, b in self.preview]
 
     def model_changed(self, before: Vector, noise_px: float) -> None:
         """Let the predictions follow a change of the model, without a step of the handles.

@@ -23,8 +23,9 @@ STEP = SPEED_RAD_S * DT
 def _model(*handles: float) -> ModelInUse:
     """A model with one play, after its handles were at angles [rad]."""
     model = ModelInUse(0.0, (0.0, 0.0))
-    model.weights = np.zeros_like(model.weights)
-    model.weights[:, RADIUS] = PRIOR[0]
+    weights = np.zeros_like(model.weights)
+    weights[:, RADIUS] = PRIOR[0]
+    model.weights = weights
     for n, handle in enumerate(handles):
         model.follow(0.02 * (n + 1), (handle, handle))
     return model
@@ -47,8 +48,8 @@ def _next(model: ModelInUse, wanted: float, soon: float, direction: float = 1.0)
         (first, second),
         model,
         _plays(wanted, direction),
-        np.full(2, wanted),
-        np.full(2, soon),
+        (wanted, wanted),
+        (soon, soon),
         speeds=(SPEED_RAD_S, SPEED_RAD_S),
         dt=DT,
     )

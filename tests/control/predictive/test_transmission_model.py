@@ -111,7 +111,8 @@ def test_at_first_there_is_no_hysteresis_and_nothing_is_known() -> None:
     assert not model.known
     assert model.widths.tolist() == [0.0, 0.0]
     assert model.bend == pytest.approx(model.slopes * model.history.handles)
-    assert model.handles_for(model.bend, pi) == pytest.approx(model.history.handles)
+    up_down, left_right = model.bend.tolist()
+    assert model.handles_for((up_down, left_right), pi) == pytest.approx(model.history.handles)
 
 
 def test_the_inverse_of_what_was_learnt_gives_the_bend() -> None:
@@ -119,7 +120,8 @@ def test_the_inverse_of_what_was_learnt_gives_the_bend() -> None:
     model = runner.run(10.0)
     for later, change in enumerate((0.1, -0.1, 0.4), 1):
         wanted = model.bend + change
-        handles = model.handles_for(wanted, pi)
+        up_down, left_right = wanted.tolist()
+        handles = model.handles_for((up_down, left_right), pi)
         model.follow(runner.n * DT + later, handles)
         assert model.bend == pytest.approx(wanted)
 
