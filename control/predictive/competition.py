@@ -102,6 +102,10 @@ class Competition:
             best = int(np.argmin(errors))
             if errors[best] < CLEARLY * errors[self.choice[axis]]:
                 self.choice[axis] = best
+        return self.chosen()
+
+    def chosen(self) -> Vector:
+        """Weights of the candidate of each axis that is in use, 2 x `COLUMNS` [rad/rad]."""
         return np.array([self.candidates[axis, self.choice[axis]] for axis in range(2)])
 
     def capstan_replaced(self) -> None:

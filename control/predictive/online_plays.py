@@ -10,8 +10,10 @@ The target moves smoothly, a = B c with cubic splines B; what is not smooth must
     min |(1 - Q Q')(P w + d)|^2 + n ridge |w - w0|^2 + n slope_ridge (sum w - sum w0)^2,   w >= 0,
 
 with Q an orthonormal basis of B. If the handle moves smoothly too, the sum of the weights cannot be
-separated from the target's motion, so it is held near the prior. The video's latency is found by
-evaluating P slightly earlier and later.
+separated from the target's motion, so it is held near the prior. The weights w0 are those of the
+likeliest single play, whose evidence tells whether to believe in any of this
+(control/predictive/loop_evidence.py). The video's latency is found by evaluating P slightly earlier
+and later.
 """
 
 from __future__ import annotations
@@ -20,13 +22,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from endolock.control.predictive import loop_evidence
+from endolock.control.predictive.handle_history import COLUMNS, HALF_WIDTHS, PLAYS, HandleHistory
+from endolock.control.predictive.loop_evidence import ALIKE, LoopEvidence
+from endolock.control.transmission.linear_process import BEND_PER_HANDLE
 from endolock.hw.api import Vector
 
 KNOT_S = 0.8
 """Spacing of the spline's knots [s]: faster motion of the target counts as hysteresis.
 Assumed."""
-ALIKE = 40.0
-"""Number of neighbouring frames whose errors are alike [1]. Assumed: two knots."""
 RIDGE, SLOPE_RIDGE = 2e-5, 1e-3
 """Weights of the prior. Source: tuned on the default instrument."""
 WINDOW_S = 25.0
@@ -37,19 +41,37 @@ SHIFTS_S = (-0.04, -0.02, 0.0, 0.02, 0.04)
 """Changes of the shift that are tried each time [s]."""
 
 
+class IdentifiedAxis(NamedTuple):
+    """Weights of one axis, and what speaks for them."""
+
+    weights: Vector
+    """Weights of the columns, `COLUMNS` [rad/rad]."""
+    width_std: float
+    """Standard deviation of the mean width, sum w 2r / sum w [rad]."""
+    misfit: float
+    """Mean squared residual [rad2]."""
+    loop: LoopEvidence
+    """Evidence of a loop."""
+    free: Vector
+    """What is not smooth in the columns, n x k [rad]."""
+    rest: Vector
+    """What is not smooth in the bend, n [rad]."""
+
+    def allows(self, weights: Vector, odds: float) -> bool:
+        """Whether other weights, `COLUMNS` [rad/rad], are possible up to some odds [1]."""
+        k = self.free.shape[1]
+        return loop_evidence.possible(self.free, self.rest, weights[:k], self.loop, odds=odds)
+
+
 class IdentifiedPlays(NamedTuple):
-    """Weights of both axes and latency, identified from one window."""
+    """Both axes and the latency, identified from one window."""
 
     shift_s: float
     """Delay of the exposures relative to their believed times [s]; the latency is less by it."""
     shift_std_s: float
     """Standard deviation of the shift [s]."""
-    weights: tuple[Vector | None, Vector | None]
-    """Weights of each axis [rad/rad]; None where the handle did not move."""
-    width_std: tuple[float, float]
-    """Standard deviation of the mean width, sum w 2r / sum w [rad]."""
-    misfit_rad: float
-    """Residual, rms of both axes together [rad]."""
+    axes: tuple[IdentifiedAxis | None, IdentifiedAxis | None]
+    """Each axis; None where the handle did not move."""
 
 
 def prepare() -> None:
@@ -58,75 +80,71 @@ def prepare() -> None:
 
 
 def identify(
-    t: Vector,
-    seen: Vector,
-    times: Vector,
-    plays: Vector,
-    prior: Vector,
-    radii: Vector,
-    shift: float,
+    t: Vector, seen: Vector, history: HandleHistory, shift: float, *, dead_zones: bool
 ) -> IdentifiedPlays | None:
     """Identify weights and latency.
 
     Args:
         t: believed exposure times of the frames, n [s].
         seen: offsets of the target in them, n x 2 [rad].
-        times: times of the ticks, m [s].
-        plays: outputs of the plays at the ticks, m x 2 x k [rad].
-        prior: prior weights, k [rad/rad].
-        radii: half-widths of the plays, k [rad].
+        history: handle angles of the past.
         shift: present shift of the exposures [s].
+        dead_zones: whether slack is looked for.
 
     Returns:
         The result; None if neither handle moved.
     """
     basis, _ = np.linalg.qr(splines(t))
-    tried = []
+    rough = seen - basis @ (basis.T @ seen)
+    k = COLUMNS if dead_zones else PLAYS
+    tried: list[tuple[IdentifiedAxis | None, IdentifiedAxis | None]] = []
     for change in SHIFTS_S:
-        exposed = t + shift + change
-        total = 0.0
-        weights: list[Vector | None] = []
-        spread: list[float] = []
-        for axis in range(2):
-            columns = np.column_stack([np.interp(exposed, times, p) for p in plays[:, axis].T])
-            if np.ptp(columns[:, 0]) < EXCITED_RAD:
-                weights.append(None)
-                spread.append(0.0)
-                continue
-            w, misfit, covariance = _fit(columns, seen[:, axis], basis, prior)
-            slope = w.sum()
-            gradient = 2 * (radii - (w @ radii) / slope) / slope
-            weights.append(w)
-            spread.append(float(np.sqrt(max(gradient @ covariance @ gradient, 0.0))))
-            total += misfit
-        tried.append((total, shift + change, (weights[0], weights[1]), (spread[0], spread[1])))
-    best = min(range(len(tried)), key=lambda n: tried[n][0])
-    left, found, weights_of, width_std = tried[best]
-    if weights_of[0] is None and weights_of[1] is None:
+        columns = history.columns_at(t + shift + change)[:, :, :k]
+        moved = np.ptp(columns[:, :, 0], axis=0) > EXCITED_RAD
+        first, second = (
+            _fit(columns[:, axis] - basis @ (basis.T @ columns[:, axis]), -rough[:, axis])
+            if moved[axis]
+            else None
+            for axis in range(2)
+        )
+        tried.append((first, second))
+    left = [sum(one.misfit for one in axes if one) for axes in tried]
+    best = int(np.argmin(left))
+    if not any(tried[best]):
         return None
     middle = min(max(best, 1), len(tried) - 2)
     step = SHIFTS_S[1] - SHIFTS_S[0]
-    bend = (tried[middle - 1][0] - 2 * tried[middle][0] + tried[middle + 1][0]) / step**2
-    shift_std = float(np.sqrt(2 * left / (len(t) * bend))) if bend > 0 else step
-    return IdentifiedPlays(found, shift_std, weights_of, width_std, float(np.sqrt(left)))
+    bend = (left[middle - 1] - 2 * left[middle] + left[middle + 1]) / step**2
+    shift_std = float(np.sqrt(2 * left[best] / (len(t) * bend))) if bend > 0 else step
+    return IdentifiedPlays(shift + SHIFTS_S[best], shift_std, tried[best])
 
 
-def _fit(
-    columns: Vector, seen: Vector, basis: Vector, prior: Vector
-) -> tuple[Vector, float, Vector]:
-    """Weights of one axis, mean squared residual [rad2], and covariance of the weights."""
+def _fit(free: Vector, rest: Vector) -> IdentifiedAxis:
+    """Identify the weights of one axis.
+
+    Args:
+        free: what is not smooth in the columns, n x k [rad].
+        rest: what is not smooth in the bend, n [rad].
+    """
     from scipy.optimize import nnls  # see prepare
 
-    count, k = columns.shape
-    free = columns - basis @ (basis.T @ columns)
-    rest = basis @ (basis.T @ seen) - seen
-    pull, whole = np.sqrt(RIDGE * count), np.sqrt(SLOPE_RIDGE * count)
-    a = np.concatenate([free, pull * np.eye(k), np.full((1, k), whole)])
-    b = np.concatenate([rest, pull * prior, [whole * prior.sum()]])
-    weights, _ = nnls(a, b)
-    misfit = float(np.mean((free @ weights - rest) ** 2))
+    count = len(rest)
+    loop = loop_evidence.weigh(free, rest, BEND_PER_HANDLE)
+    k = PLAYS if loop.likeliest < PLAYS else free.shape[1]
+    some = free[:, :k]
+    prior = np.zeros(k)
+    prior[loop.likeliest] = BEND_PER_HANDLE
+    gram = some.T @ some + count * (RIDGE * np.eye(k) + SLOPE_RIDGE)
+    root = np.linalg.cholesky(gram)
+    aim = some.T @ rest + count * (RIDGE * prior + SLOPE_RIDGE * BEND_PER_HANDLE)
+    weights = np.zeros(COLUMNS)
+    weights[:k] = nnls(root.T, np.linalg.solve(root, aim))[0]
+    misfit = float(np.mean((some @ weights[:k] - rest) ** 2))
+    total = weights.sum()
+    gradient = 2 * (HALF_WIDTHS[:k] - (weights @ HALF_WIDTHS) / total) / total
     # The errors of neighbouring frames are alike: about one in every other knot is independent.
-    return np.asarray(weights), misfit, ALIKE * misfit * np.linalg.inv(a.T @ a)
+    spread = np.sqrt(ALIKE * misfit) * np.linalg.norm(np.linalg.solve(root, gradient))
+    return IdentifiedAxis(weights, float(spread), misfit, loop, free, rest)
 
 
 def splines(t: Vector, knot_s: float = KNOT_S) -> Vector:

@@ -18,8 +18,9 @@ import numpy as np
 from endolock.control.predictive import model_belief, online_plays
 from endolock.control.predictive.capstan_model import MIN_FRAMES
 from endolock.control.predictive.competition import Competition
-from endolock.control.predictive.handle_history import COLUMNS, HALF_WIDTHS, PLAYS, PRIOR
+from endolock.control.predictive.handle_history import PRIOR
 from endolock.control.predictive.increment_fit import SHIFTS_S, IncrementFit
+from endolock.control.predictive.loop_belief import LoopBelief
 from endolock.control.predictive.model_in_use import ModelInUse
 from endolock.control.predictive.seen_frames import SeenFrame, TipSeen, bend_change, frame_at
 from endolock.control.transmission.kinematics import Pair
@@ -32,6 +33,8 @@ EXCITED_RAD = 0.02
 """Rms motion of a handle within a second below which nothing is learnt of its axis [rad]."""
 OFTEN, SELDOM, YOUNG = 5, 25, 500
 """Frames between fits, at first and after the first `YOUNG` frames."""
+SOON, SPLINE_FRAMES = 10, 50
+"""Frames between fits without a background while no loop is known, and least frames of a fit."""
 OLD = 250
 """Frames after which a change of the transmission is looked for. Assumed."""
 DRIFT_KNOT_S = 6.0
@@ -63,6 +66,8 @@ class TransmissionModel(ModelInUse):
         """Delay of the exposures relative to their believed times, and its std [s]."""
         self.frames: list[SeenFrame] = []
         """The newest frames, oldest first."""
+        self.loops = LoopBelief()
+        """Loops that are believed without a background."""
         self.background = False
         """Whether the bend is measured by the background."""
         self.turned_rad: Pair | None = None
@@ -78,15 +83,7 @@ class TransmissionModel(ModelInUse):
         """Whether the target may be predicted: by the background, or with evident loops."""
         if self.background or self.capstan_used:
             return True
-        recent = self.history.times > self.history.times[-1] - WINDOW_S
-        rivals = self._rivals
-        return model_belief.loops_evident(
-            self.history.angles[recent],
-            self.widths,
-            self.width_std,
-            rivals.errors[:, 0],
-            rivals.errors[[0, 1], rivals.choice],
-        )
+        return all(self.loops.known)
 
     @property
     def error_rad(self) -> float:
@@ -156,8 +153,8 @@ class TransmissionModel(ModelInUse):
             self.capstan_used = False
             changed = True
         every = OFTEN if self.background and self._count < YOUNG else SELDOM
-        if not self.background:
-            every = SELDOM
+        if not self.background and not self.known:
+            every = SOON
         if self._count % every == 0:
             changed |= self._identify()
         elif self.background and self._count % 2:
@@ -204,7 +201,13 @@ class TransmissionModel(ModelInUse):
         elif not self._identify_by_splines():
             return False
         before = self.weights
-        self.weights = self._rivals.choose()
+        if self.background:
+            self.weights = self._rivals.choose()
+            for axis in range(2):
+                if moved[axis]:
+                    self.loops.adopt(axis, self.weights[axis])
+        else:
+            self.weights = self._rivals.chosen()
         if self.background and self._count % SELDOM == 0 and any(moved) and not self.capstan_used:
             self._find_shift()
         return not np.array_equal(before, self.weights) and not self.capstan_used
@@ -220,27 +223,21 @@ class TransmissionModel(ModelInUse):
 
     def _identify_by_splines(self) -> bool:
         seen = np.array([(f.t, *f.offset) for f in self.frames])
-        if len(seen) < MIN_FRAMES:
+        if len(seen) < SPLINE_FRAMES:
             return False
         found = online_plays.identify(
-            seen[:, 0],
-            seen[:, 1:],
-            self.history.times,
-            self.history.columns[:, :, :PLAYS],
-            PRIOR[:PLAYS],
-            HALF_WIDTHS[:PLAYS],
-            self.shift_s,
+            seen[:, 0], seen[:, 1:], self.history, self.shift_s, dead_zones=self._options[1]
         )
         if found is None:
             return False
-        self.shift_s += 0.3 * (found.shift_s - self.shift_s)
-        self.shift_std_s = found.shift_std_s
-        for axis, (weights, std) in enumerate(zip(found.weights, found.width_std, strict=True)):
-            if weights is not None:
-                full = np.zeros(COLUMNS)
-                full[:PLAYS] = weights
-                self._rivals.candidates[axis, 1] = self._rivals.candidates[axis, 2] = full
-                self.width_std[axis] = std
+        self.loops.renew(found.axes)
+        if any(one is not None and one.loop.evident for one in found.axes):
+            self.shift_s += 0.3 * (found.shift_s - self.shift_s)
+            self.shift_std_s = found.shift_std_s
+        for axis in range(2):
+            self._rivals.candidates[axis, 1:] = self.loops.weights[axis]
+            self.width_std[axis] = self.loops.width_std[axis]
+            self._rivals.choice[axis] = int(self.loops.known[axis])
         return True
 
     def _find_shift(self) -> None:

@@ -1,4 +1,4 @@
-"""When the background is believed, and when loops are that were found without one."""
+"""When the background is believed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from endolock.control.predictive.handle_history import PRIOR, HandleHistory
 from endolock.control.predictive.increment_fit import SHIFTS_S, IncrementFit
 
 FRAME_S = 0.04
-BOTH = np.ones(2)
 
 
 def _evidence(scale: float, unrelated: float) -> IncrementFit:
@@ -52,34 +51,3 @@ def test_the_background_is_believed_if_the_handles_explain_it(
 def test_a_background_that_hardly_turns_is_not_judged() -> None:
     assert model_belief.handles_explain(_evidence(0.0, 0.001), 0.0)
     assert model_belief.handles_explain(IncrementFit(), 0.0)
-
-
-def _evident(went: float, *, width: float, std: float, ratio: float) -> bool:
-    """Whether loops of both axes are evident, with handles that went so far [rad]."""
-    angles = np.linspace(0.0, went, 50)[:, None] * BOTH
-    return model_belief.loops_evident(angles, width * BOTH, std * BOTH, ratio * BOTH, BOTH)
-
-
-@pytest.mark.parametrize(
-    ("went", "width", "std", "ratio", "evident"),
-    [
-        (1.0, 0.6, 0.3, 3.0, True),  # through the loop, and it explains more
-        (1.0, 0.6, 0.05, 1.0, True),  # through it, and its width is known
-        (1.0, 0.6, 0.3, 1.2, False),  # it explains hardly more than none
-        (0.65, 0.6, 0.05, 3.0, False),  # not beyond the loop
-        (0.05, 0.0, 0.01, 9.0, False),  # at rest nothing is known
-    ],
-)
-def test_a_loop_is_evident_beyond_it_and_by_what_it_explains(
-    went: float, width: float, std: float, ratio: float, evident: bool
-) -> None:
-    assert _evident(went, width=width, std=std, ratio=ratio) is evident
-
-
-def test_an_axis_at_rest_does_not_speak_against_the_other() -> None:
-    angles = np.column_stack([np.linspace(0.0, 1.0, 50), np.zeros(50)])
-    widths, std = np.array([0.6, 0.6]), np.array([0.3, 3.0])
-    none, chosen = np.array([3.0, 1.0]), BOTH
-    assert model_belief.loops_evident(angles, widths, std, none, chosen)
-    angles[:, 1] = angles[:, 0]
-    assert not model_belief.loops_evident(angles, widths, std, none, chosen)
