@@ -97,8 +97,13 @@ def possible(
         odds: L up to which they are [1].
     """
     left = float(np.mean((free @ weights - rest) ** 2))
-    both = _likelihood(np.array([left, evidence.left]), len(rest))
-    return bool(both[0] - both[1] < odds)
+    return less_likely(left, evidence.left, len(rest)) < odds
+
+
+def less_likely(left: float, best: float, count: int) -> float:
+    """L of a mean squared residual compared with another [rad2], of so many frames."""
+    both = _likelihood(np.array([left, best]), count)
+    return float(both[0] - both[1])
 
 
 def _likelihood(left: Vector, count: int) -> Vector:

@@ -70,6 +70,8 @@ class IdentifiedPlays(NamedTuple):
     """Delay of the exposures relative to their believed times [s]; the latency is less by it."""
     shift_std_s: float
     """Standard deviation of the shift [s]."""
+    surer: float
+    """How much less likely the present shift is [1]."""
     axes: tuple[IdentifiedAxis | None, IdentifiedAxis | None]
     """Each axis; None where the handle did not move."""
 
@@ -116,7 +118,8 @@ def identify(
     step = SHIFTS_S[1] - SHIFTS_S[0]
     bend = (left[middle - 1] - 2 * left[middle] + left[middle + 1]) / step**2
     shift_std = float(np.sqrt(2 * left[best] / (len(t) * bend))) if bend > 0 else step
-    return IdentifiedPlays(shift + SHIFTS_S[best], shift_std, tried[best])
+    surer = loop_evidence.less_likely(left[len(left) // 2], left[best], len(t))
+    return IdentifiedPlays(shift + SHIFTS_S[best], shift_std, surer, tried[best])
 
 
 def _fit(free: Vector, rest: Vector) -> IdentifiedAxis:

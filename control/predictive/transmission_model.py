@@ -8,14 +8,15 @@ unexplained, which is what a model costs the lock.
 
 With a background the bend itself is measured, up to a slow drift, as the sum of the camera's turns;
 weights then follow by regression (control/predictive/increment_fit.py). Without one the target's
-path is the nuisance: only what is not smooth counts (control/predictive/online_plays.py).
+path is the nuisance: only what is not smooth counts (control/predictive/online_plays.py), and loops
+are believed once they are evident (control/predictive/loop_belief.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from endolock.control.predictive import model_belief, online_plays
+from endolock.control.predictive import loop_evidence, model_belief, online_plays
 from endolock.control.predictive.capstan_model import MIN_FRAMES
 from endolock.control.predictive.competition import Competition
 from endolock.control.predictive.handle_history import PRIOR
@@ -232,7 +233,8 @@ class TransmissionModel(ModelInUse):
             return False
         self.loops.renew(found.axes)
         if any(one is not None and one.loop.evident for one in found.axes):
-            self.shift_s += 0.3 * (found.shift_s - self.shift_s)
+            clear = found.surer > loop_evidence.NEARLY
+            self.shift_s += (1.0 if clear else 0.3) * (found.shift_s - self.shift_s)
             self.shift_std_s = found.shift_std_s
         for axis in range(2):
             self._rivals.candidates[axis, 1:] = self.loops.weights[axis]
