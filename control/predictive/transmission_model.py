@@ -19,7 +19,6 @@ import numpy as np
 from endolock.control.predictive import loop_evidence, model_belief, online_plays
 from endolock.control.predictive.capstan_model import MIN_FRAMES
 from endolock.control.predictive.competition import Competition
-from endolock.control.predictive.handle_history import PRIOR
 from endolock.control.predictive.increment_fit import SHIFTS_S, IncrementFit
 from endolock.control.predictive.loop_belief import LoopBelief
 from endolock.control.predictive.model_in_use import ModelInUse
