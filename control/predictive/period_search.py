@@ -77,9 +77,14 @@ class Fit:
 
 
 class PeriodSearch:
-    """Fits of both axes, renewed by rounds of search."""
+    """Fits of both axes, renewed by rounds of search.
 
-    def __init__(self) -> None:
+    Args:
+        leader: search whose periods are the only candidates; None if all are.
+    """
+
+    def __init__(self, leader: PeriodSearch | None = None) -> None:
+        self._leader = leader
         self.fits: list[Fit | None] = [None, None]
         """Present fit of each axis; None while no period is known."""
         self._round: Iterator[None] | None = None
@@ -120,23 +125,27 @@ class PeriodSearch:
 
     def _search(self, past: PlaceHistory, variance: Pair) -> Iterator[None]:
         sample = Sample(past)
-        sparse = Sample(past, 2)
         end, self._moved = float(past.times[-1]), np.zeros(2)
-        longest = sample.length_s / CYCLES
-        periods = PERIODS_S[longest > PERIODS_S]
-        left = []
-        for n in range(0, len(periods), PER_TICK):
-            some = periods[n : n + PER_TICK]
-            left.append(residuals_of(sparse if some[0] > SPARSE_S else sample, some))
-            yield
-        residuals = np.concatenate(left)
+        starts: list[list[float]] = [[], []]
+        if self._leader:
+            known = [fit.period_s for fit in self._leader.fits if fit]
+            starts = [known.copy(), known.copy()]
+        else:
+            sparse = Sample(past, 2)
+            periods = PERIODS_S[sample.length_s / CYCLES > PERIODS_S]
+            left = []
+            for n in range(0, len(periods), PER_TICK):
+                some = periods[n : n + PER_TICK]
+                left.append(residuals_of(sparse if some[0] > SPARSE_S else sample, some))
+                yield
+            residuals = np.concatenate(left)
+            starts = [_minima(residuals[:, axis], periods) for axis in range(2)]
         for axis in range(2):
             tried = []
             fit = self.fits[axis]
-            starts = _minima(residuals[:, axis], periods)
             if fit:
-                starts.append(fit.period_s)
-            for start in starts:
+                starts[axis].append(fit.period_s)
+            for start in starts[axis]:
                 tried.append(refined(sample, axis, start, 2))
                 yield
             usable = [one for one in tried if one[0] * CYCLES < sample.length_s]

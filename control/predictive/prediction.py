@@ -54,6 +54,7 @@ class TargetPrediction:
         densities: spectral density of the acceleration for each predictor of constant velocity
             [rad2/s3].
         harmonic: whether periodic motion is searched for.
+        leader: prediction whose periods are those that are possible; None if any is.
         regression: whether the place is regressed on the past.
     """
 
@@ -64,12 +65,15 @@ class TargetPrediction:
         densities: Sequence[float],
         harmonic: bool,
         regression: bool,
+        leader: TargetPrediction | None = None,
     ) -> None:
         self._filters = [
             [AxisFilter(walk_density, still=True), *(AxisFilter(q) for q in densities)]
             for _ in range(2)
         ]
-        self._periods = PeriodSearch() if harmonic else None
+        self._periods: PeriodSearch | None = None
+        if harmonic:
+            self._periods = PeriodSearch(leader._periods if leader else None)
         self._regression = PlaceRegression() if regression else None
         self._names = ["stays", *(f"velocity_{n + 1}" for n in range(len(densities)))]
         self._names += ["regression"] if regression else []

@@ -156,5 +156,6 @@ def fresh(settings: PredictiveSettings, t: float, handles: Pair) -> PredictiveMe
         densities=(),
         harmonic=settings.harmonic,
         regression=False,
+        leader=target,  # the handles move with its periods
     )
     return PredictiveMemory(model, target, error, goals=handles)
