@@ -97,6 +97,18 @@ class HandleHistory:
         found: Vector = (1 - share) * self.columns[after - 1] + share * self.columns[after]
         return found
 
+    def sums_at(self, t: Vector, weights: Vector) -> Vector:
+        """Weighted sums of the columns at any times, as `columns_at`, m x 2 [rad].
+
+        Args:
+            t: times, 1 or more [s].
+            weights: weights of the columns, 2 x `COLUMNS` [rad/rad].
+        """
+        first = max(int(np.searchsorted(self.times, t.min())) - 1, 0)
+        last = int(np.searchsorted(self.times, t.max())) + 1
+        sums = np.einsum("ak,nak->an", weights, self.columns[first:last])
+        return np.column_stack([np.interp(t, self.times[first:last], one) for one in sums])
+
 
 def _behind_slack(handles: Vector) -> Vector:
     """Handle angles behind the dead zone of each column, 2 x `COLUMNS` [rad]."""

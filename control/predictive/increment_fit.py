@@ -18,7 +18,7 @@ Reference:
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +65,7 @@ class IncrementFit:
         self.count = 0.0
         """Number of frames that count."""
         self._dt = 0.04
-        self._left = np.full((2, count), np.inf)
+        self._left = np.full(count, np.inf)
         self._next = 0
 
     @property
@@ -109,6 +109,17 @@ class IncrementFit:
             shift: delay of the exposures [s].
             dead_zones: whether dead zones may have weights.
         """
+        weights, residual, curvature = self._solve(axis, shift, dead_zones)
+        half = HALF_WIDTHS[: len(weights)]
+        slope = max(float(weights.sum()), 1e-6)
+        gradient = 2 * (half - (weights @ half) / slope) / slope
+        spread = float(gradient @ np.linalg.solve(curvature, gradient))
+        full = np.zeros(COLUMNS)
+        full[: len(weights)] = weights
+        return FittedAxis(full, residual, sqrt(max(spread, 0.0)))
+
+    def _solve(self, axis: int, shift: float, dead_zones: bool) -> tuple[Vector, float, Vector]:
+        """Weights, variance that they do not explain, and half the curvature of the criterion."""
         from scipy.optimize import nnls  # see prepare
 
         count = max(self.count, 1.0)
@@ -119,27 +130,22 @@ class IncrementFit:
         xx = ((1 - part) * self._xx[low, axis] + part * self._xx[low + 1, axis])[:k, :k]
         xy = ((1 - part) * self._xy[low, axis] + part * self._xy[low + 1, axis])[:k]
         yy, noise = float(self._yy[axis]), float(self._noise[axis]) / count
-        half, variance = HALF_WIDTHS[:k], max(noise, 1e-7)
+        variance = max(noise, 1e-7)
         for _ in range(2):
             scale = variance * LEAK_S / self._dt
             a = xx / scale + _PRECISION[:k, :k]
             b = xy / scale + _PULL[:k]
             root = np.linalg.cholesky(a)
             weights, _ = nnls(root.T, np.linalg.solve(root, b))
-            residual = max(yy - 2 * weights @ xy + weights @ xx @ weights, 0.0) / count
+            residual = max(float(yy + weights @ (xx @ weights - 2 * xy)), 0.0) / count
             variance = max(noise, residual, 1e-7)
-        slope = max(float(weights.sum()), 1e-6)
-        gradient = 2 * (half - (weights @ half) / slope) / slope
-        spread = gradient @ np.linalg.solve(a, gradient)
-        full = np.zeros(COLUMNS)
-        full[:k] = weights
-        return FittedAxis(full, residual, float(np.sqrt(max(spread, 0.0))))
+        return np.asarray(weights), residual, a
 
     def look_for_delay(self, dead_zones: bool) -> None:
-        """Fit one axis with one of the delays of `SHIFTS_S`, the next at each call."""
-        self._next = (self._next + 1) % self._left.size
-        axis, n = divmod(self._next, len(SHIFTS_S))
-        self._left[axis, n] = self.solve(axis, float(SHIFTS_S[n]), dead_zones).residual
+        """Fit both axes with one of the delays of `SHIFTS_S`, the next at each call."""
+        n = self._next = (self._next + 1) % len(SHIFTS_S)
+        shift = float(SHIFTS_S[n])
+        self._left[n] = sum(self._solve(axis, shift, dead_zones)[1] for axis in range(2))
 
     def delay(self, shift: float) -> tuple[float, float] | None:
         """Delay of the exposures with the least residual, and its standard deviation [s].
@@ -151,7 +157,7 @@ class IncrementFit:
         Args:
             shift: present delay [s].
         """
-        left = self._left.sum(axis=0)
+        left = self._left
         if not np.isfinite(left).all():
             return None
         best = int(np.clip(np.argmin(left), 1, len(SHIFTS_S) - 2))

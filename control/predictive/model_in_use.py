@@ -75,7 +75,7 @@ class ModelInUse:
         if self.capstan_used:
             bends: Vector = self.capstan.bends_at(self.history, t) @ self._turned()
         else:
-            bends = np.einsum("ak,nak->na", self.weights, self.history.columns_at(t))
+            bends = self.history.sums_at(t, self.weights)
         return bends
 
     def handles_for(self, bend: Pair, reach: float) -> Pair:

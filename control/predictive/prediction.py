@@ -27,6 +27,7 @@ from endolock.control.predictive.place_history import GAP_S, PlaceHistory
 from endolock.control.predictive.place_regression import PREVIEW_S, PlaceRegression
 from endolock.control.predictive.prediction_blend import PredictionBlend
 from endolock.control.transmission.kinematics import Pair
+from endolock.hw.api import Vector
 
 REACH = 1.2
 """Largest predicted displacement, in the largest seen within a horizon [1]. Assumed: the target may
@@ -177,33 +178,35 @@ class TargetPrediction:
             self._periods.move(by)
         self._said = [said.moved(by) for said in self._said]
 
-    def rewrite(self, times: Sequence[float], places: Sequence[Pair], variance: Pair) -> None:
+    def rewrite(self, times: Vector, places: Vector, variance: Pair) -> None:
         """Replace the past by places from another model of the tip; the errors are kept.
 
         Args:
             times: exposure times [s], increasing.
-            places: places of the target [rad].
+            places: places of the target, n x 2 [rad].
             variance: variance of the places on each axis [rad2].
         """
-        if not times:
+        if not len(times):
             return
-        self._past.replace(np.array(times), np.array(places).T)
-        self._t = times[-1]
+        self._past.replace(times, places.T)
+        self._t = end = float(times[-1])
         self._said = []  # made with the other model
         known = self._past.times
         moved = np.abs(self._past.places - self._past.at(known - self._horizon))
         self._reach = moved.max(axis=1).tolist()
-        recent = [n for n, t in enumerate(times) if t > times[-1] - RESTART_S]
+        recent = slice(int(np.searchsorted(times, end - RESTART_S, side="right")), None)
+        anew = times[recent].tolist()
         for axis, filters in enumerate(self._filters):
+            seen = places[recent, axis].tolist()
             for one in filters:
                 one.t = None
-                for n in recent:
-                    one.update(times[n], places[n][axis], variance[axis])
+                for t, place in zip(anew, seen, strict=True):
+                    one.update(t, place, variance[axis])
         if self._regression:
             self._regression.relearn(self._past)
         if self._periods:
             self._periods.rewrite(self._past)
-        self._find_repeats(times[-1])
+        self._find_repeats(end)
         self._find_surprises(variance)
 
     def _judge(self, t: float, dt: float, variance: Pair) -> None:

@@ -21,8 +21,6 @@ from math import exp, sqrt
 
 import numpy as np
 
-from endolock.hw.api import Vector
-
 MEMORY_S = 6.0
 """Time constant with which errors decay [s]. Assumed: one or two turns of the target."""
 ERROR_MEMORY_S = 3.0
@@ -100,23 +98,22 @@ class PredictionBlend:
 
     def weigh(self, present: Sequence[bool]) -> None:
         """Choose the shares, of predictors that predict at present."""
-        counts = self._sums[1].diagonal().tolist()
-        usable = [n for n, known in enumerate(present) if known and counts[n] >= LEAST]
-        raw = np.zeros(len(present))
+        sums, counts = self._sums.tolist()
+        usable = [n for n, known in enumerate(present) if known and counts[n][n] >= LEAST]
+        raw = [0.0] * len(present)
         if not usable or usable[0] != 0 or len(usable) == 1:
             raw[0] = 1.0
         else:
-            sums, compared = self._sums[:, usable][:, :, usable]
-            products = sums / np.maximum(compared, 1e-9)
-            doubt = [RIDGE, *(RIDGE + NEW / counts[n] for n in usable[1:])]
-            squared = np.einsum("ii->i", products)
-            squared *= 1 + np.array(doubt)
-            squared += 1e-14
-            raw[usable] = _least(products)
+            products = [[sums[n][m] / max(counts[n][m], 1e-9) for m in usable] for n in usable]
+            for at, n in enumerate(usable):
+                doubt = RIDGE + (NEW / counts[n][n] if n else 0.0)
+                products[at][at] += doubt * products[at][at] + 1e-14
+            for n, share in zip(usable, _least(products), strict=True):
+                raw[n] = share
         gain = min(max(self._helped / self._tried, 0.0), 1.0) if self._tried > 0 else 1.0
-        shares = gain * raw
+        shares = [gain * share for share in raw]
         shares[0] += 1 - gain
-        self.shares, self._raw = shares.tolist(), raw.tolist()
+        self.shares, self._raw = shares, raw
 
 
 def _moved(shares: Sequence[float], predictions: Sequence[float | None]) -> float:
@@ -129,15 +126,39 @@ def _moved(shares: Sequence[float], predictions: Sequence[float | None]) -> floa
     return found
 
 
-def _least(products: Vector) -> Vector:
+def _least(products: list[list[float]]) -> list[float]:
     """Weights >= 0 of sum 1 that minimise w' C w: negative ones are left out, one round each."""
-    left = np.arange(len(products))
+    left = list(range(len(products)))
     while True:
-        found: Vector = np.asarray(np.linalg.solve(products[left][:, left], np.ones(len(left))))
-        found /= found.sum()
-        if found.min() >= 0 or len(left) == 1:
+        found = _solved([[products[n][m] for m in left] for n in left])
+        total = sum(found)
+        found = [share / total for share in found]
+        if min(found) >= 0 or len(left) == 1:
             break
-        left = left[found > 0]
-    weights = np.zeros(len(products))
-    weights[left] = found
+        left = [n for n, share in zip(left, found, strict=True) if share > 0]
+    weights = [0.0] * len(products)
+    for n, share in zip(left, found, strict=True):
+        weights[n] = share
     return weights
+
+
+def _solved(matrix: list[list[float]]) -> list[float]:
+    """Solution of C w = 1 for a positive definite C, which is overwritten.
+
+    By elimination in plain numbers: for so few, arrays take longer.
+    """
+    count = len(matrix)
+    right = [1.0] * count
+    for n in range(count):
+        row, pivot = matrix[n], matrix[n][n]
+        for m in range(n + 1, count):
+            lower = matrix[m]
+            factor = lower[n] / pivot
+            right[m] -= factor * right[n]
+            for k in range(n + 1, count):
+                lower[k] -= factor * row[k]
+    for n in reversed(range(count)):
+        for k in range(n + 1, count):
+            right[n] -= matrix[n][k] * right[k]
+        right[n] /= matrix[n][n]
+    return right

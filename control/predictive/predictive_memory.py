@@ -121,13 +121,11 @@ class PredictiveMemory:
         bends = model.bends_at(times)
         if model.background:
             measured = np.array([frame.bend for frame in model.frames])
-            errors = [(a, b) for a, b in (measured - bends).tolist()]
-            self.error.rewrite(times.tolist(), errors, (ERROR_VARIANCE,) * 2)
+            self.error.rewrite(times, measured - bends, (ERROR_VARIANCE,) * 2)
             return
         offsets = np.array([frame.offset for frame in model.frames])
-        places = [(a, b) for a, b in (bends + offsets).tolist()]
         noise = (noise_px / self.px_per_rad) ** 2
-        self.target.rewrite(times.tolist(), places, (noise, noise))
+        self.target.rewrite(times, bends + offsets, (noise, noise))
 
 
 def fresh(settings: PredictiveSettings, t: float, handles: Pair) -> PredictiveMemory:

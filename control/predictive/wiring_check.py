@@ -33,9 +33,9 @@ from endolock.control.transmission.kinematics import Pair, SectionGeometry
 from endolock.hw.api import AXES, Vector
 from endolock.hw.errors import WiringError
 
-RADII = np.array([0.0, 0.05, 0.1, 0.16, 0.22, 0.3, 0.4, 0.55])
+RADII = (0.0, 0.05, 0.1, 0.16, 0.22, 0.3, 0.4, 0.55)
 """Half-widths of the plays behind a handle [rad]. Assumed: up to a loop of a third of a turn."""
-DEAD_ZONES = np.array([0.1, 0.25, 0.4])
+DEAD_ZONES = (0.1, 0.25, 0.4)
 """Halves of dead zones behind a handle [rad]. Assumed."""
 DELAYS_S = (-0.12, 0.0, 0.12)
 """Trial delays of the exposures relative to their believed times [s]: 30 % of 0.4 s."""
@@ -76,8 +76,7 @@ class WiringCheck:
     def __init__(self, geometry: SectionGeometry) -> None:
         self._geometry = geometry
         self._base_from_camera = kinematics.forward(geometry, (0.0, 0.0))[1]
-        self._outputs = np.empty((2, len(RADII)))
-        self._past: deque[tuple[float, Vector, float]] = deque()  # time, responses, travel
+        self._past: deque[tuple[float, list[float], float]] = deque()  # time, responses, travel
         self._handles: Pair | None = None
         self._lowest = self._highest = (0.0, 0.0)
         self._travel = 0.0
@@ -96,12 +95,15 @@ class WiringCheck:
         """Take the measured handle angles [rad] of one control period."""
         if not any(self.open) or (self._past and t <= self._past[-1][0]):
             return
-        h = np.array(handles)[:, None]
         if self._handles is None:
-            self._outputs = np.tile(h, len(RADII))
             self._handles = self._lowest = self._highest = handles
-        self._outputs = np.minimum(np.maximum(self._outputs, h - RADII), h + RADII)
-        dead = h - np.minimum(np.maximum(h, -DEAD_ZONES), DEAD_ZONES)
+        count = len(RADII) + len(DEAD_ZONES)
+        before = self._past[-1][1] if self._past else [h for h in handles for _ in range(count)]
+        responses = []
+        for n, h in enumerate(handles):
+            plays = zip(before[n * count :], RADII, strict=False)
+            responses += [min(max(z, h - r), h + r) for z, r in plays]
+            responses += [h - min(max(h, -s), s) for s in DEAD_ZONES]
         self._travel += sum(abs(a - b) for a, b in zip(handles, self._handles, strict=True))
         self._handles = handles
         (a, b), (low_a, low_b), (high_a, high_b) = handles, self._lowest, self._highest
@@ -109,7 +111,6 @@ class WiringCheck:
             (min(a, low_a), min(b, low_b)),
             (max(a, high_a), max(b, high_b)),
         )
-        responses = np.concatenate([self._outputs, dead], axis=1).ravel()
         self._past.append((t, responses, self._travel))
         while self._past[0][0] < t - KEEP_S:
             self._past.popleft()
@@ -156,15 +157,18 @@ class WiringCheck:
     def _responses(self, exposed_s: float) -> tuple[Vector, float]:
         """Responses at an exposure, for each trial delay, and the speed of the handles [rad/s]."""
         last = len(self._past) - 1
-        rows = []
+        earlier, later, shares = [], [], []
         for delay in DELAYS_S:
             n = min(max(bisect(self._past, exposed_s + delay, key=_time), 1), last)
             (before, a, _), (after, b, _) = self._past[n - 1], self._past[n]
-            share = min(max((exposed_s + delay - before) / (after - before), 0.0), 1.0)
-            rows.append(a + share * (b - a))
+            earlier.append(a)
+            later.append(b)
+            shares.append(min(max((exposed_s + delay - before) / (after - before), 0.0), 1.0))
+        first, second = np.array([earlier, later])
+        rows = first + np.array(shares)[:, None] * (second - first)
         n = min(max(bisect(self._past, exposed_s, key=_time), RATE_TICKS), last)
         (began, _, travel), (ended, _, travelled) = self._past[n - RATE_TICKS], self._past[n]
-        return np.array(rows), (travelled - travel) / (ended - began)
+        return rows, (travelled - travel) / (ended - began)
 
     def _judge(self, handle: int, evidence: WiringEvidence) -> None:
         own = (0.0, pi / 2)[handle]
@@ -204,7 +208,7 @@ class WiringCheck:
             raise _error(handle, wrong.response)
 
 
-def _time(past: tuple[float, Vector, float]) -> float:
+def _time(past: tuple[float, list[float], float]) -> float:
     return past[0]
 
 

@@ -187,7 +187,7 @@ def test_the_same_past_written_again_changes_nothing() -> None:
         prediction.work()
         prediction.work()
     before, weights, error = prediction.at(30.4), prediction.weights, prediction.error_rad
-    prediction.rewrite(times, places, ((0.3 * PX) ** 2,) * 2)
+    prediction.rewrite(np.array(times), np.array(places), ((0.3 * PX) ** 2,) * 2)
     # the regression learns from every fourth row, and the periods end anew at the newest place
     assert prediction.at(30.4) == pytest.approx(before, abs=1.0 * PX)
     assert prediction.weights == weights
