@@ -3,8 +3,8 @@
 The target's own motion may look like a loop, so a loop is believed once it is evident
 (control/predictive/loop_evidence.py). It is kept, with its weights, until newer frames speak
 clearly against them: a handle at rest, or one that turns smoothly, tells nothing. Both wires of an
-instrument pass the same shaft: a loop that is evident in one axis is believed in the other as well,
-where nothing speaks against it.
+instrument pass the same shaft: the loop of the axis with more evidence is believed in the other as
+well, where nothing speaks against it.
 """
 
 from __future__ import annotations
@@ -30,10 +30,13 @@ class LoopBelief:
         self.known = [False, False]
         """Whether the loop of each axis is believed."""
         self._own = [False, False]
+        self._found = self.weights.copy()
+        self._std = np.full(2, np.pi)
+        self._gain = [0.0, 0.0]
 
     def adopt(self, axis: int, weights: Vector) -> None:
         """Believe in weights that were found otherwise, `COLUMNS` [rad/rad]."""
-        self.weights[axis] = weights
+        self._found[axis] = self.weights[axis] = weights
         self.known[axis] = self._own[axis] = True
 
     def renew(self, axes: Sequence[IdentifiedAxis | None]) -> None:
@@ -42,18 +45,22 @@ class LoopBelief:
             if found is None:
                 continue
             if found.loop.evident:
-                self.adopt(axis, found.weights)
-                self.width_std[axis] = found.width_std
-            elif self._own[axis] and not found.allows(self.weights[axis], CLEARLY):
+                self._own[axis] = True
+                self._found[axis], self._std[axis] = found.weights, found.width_std
+                self._gain[axis] = found.loop.gain
+            elif self._own[axis] and not found.allows(self._found[axis], CLEARLY):
                 self._own[axis] = False
         for axis, found in enumerate(axes):
-            if not self._own[axis]:
-                self._share(axis, found)
+            self._choose(axis, found)
 
-    def _share(self, axis: int, found: IdentifiedAxis | None) -> None:
-        """Believe in an axis what is believed of the other, or nothing."""
-        odds = CLEARLY if self.known[axis] else NEARLY
-        others = self.weights[1 - axis]
-        self.known[axis] = self._own[1 - axis] and (found is None or found.allows(others, odds))
-        self.weights[axis] = others if self.known[axis] else PRIOR
-        self.width_std[axis] = self.width_std[1 - axis] if self.known[axis] else np.pi
+    def _choose(self, axis: int, found: IdentifiedAxis | None) -> None:
+        """Believe in what was found of an axis, of the other one, or nothing."""
+        other, own = 1 - axis, self._own[axis]
+        odds = CLEARLY if self.known[axis] and not own else NEARLY
+        alike = self._own[other] and (found is None or found.allows(self._found[other], odds))
+        if own and (found is None or self._gain[axis] >= self._gain[other]):
+            alike = False  # better known by itself
+        self.known[axis] = own or alike
+        source = other if alike else axis
+        self.weights[axis] = self._found[source] if self.known[axis] else PRIOR
+        self.width_std[axis] = self._std[source] if self.known[axis] else np.pi

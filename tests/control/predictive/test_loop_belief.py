@@ -85,6 +85,17 @@ def test_axes_that_differ_are_not_taken_for_alike() -> None:
     assert _widths(belief) == pytest.approx([0.6, 0.3], abs=0.06)
 
 
+def test_of_two_axes_the_one_with_less_evidence_is_like_the_other_if_it_may_be() -> None:
+    belief = LoopBelief()
+    short, long = _axis(THROUGH, 6), _axis(np.concatenate([THROUGH] * 3), 6)
+    assert short.loop.gain < long.loop.gain
+    belief.renew((short, long))
+    assert belief.known == [True, True]
+    assert belief.weights[0] == pytest.approx(long.weights)
+    belief.renew((_axis(THROUGH, 4), long))  # it may not
+    assert _widths(belief) == pytest.approx([0.4, 0.6], abs=0.06)
+
+
 def test_what_the_background_showed_is_adopted() -> None:
     belief = LoopBelief()
     weights = np.full(COLUMNS, 0.04)
