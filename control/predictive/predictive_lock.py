@@ -146,7 +146,8 @@ class Predictive:
                     memory.target.at(t), memory.target.stays_at()
                 ).tolist()
                 memory.heading = up_down, left_right
-            self._wiring.look(observation.t_capture, None, None, (0.0, 0.0))
+            model.tip_at(observation.t_capture, observation.turn)
+            self._check_wiring(observation, None)
             return
         memory.lost_s = memory.preview = None
         if isfinite(observation.distance_m):
@@ -184,7 +185,7 @@ class Predictive:
             known = memory.cautious.place is None
             play.judge(exposed, seen, off_axis, memory.px_per_rad, known=known)
 
-    def _check_wiring(self, observation: Observation, target: Vector) -> None:
+    def _check_wiring(self, observation: Observation, target: Vector | None) -> None:
         """Show the wiring check what was measured in a frame."""
         noise = max(_noise_px2(observation), self._settings.noise_px**2)
         turn, turned = observation.turn, self.memory.model.turned_rad

@@ -1,4 +1,4 @@
-"""Frames in which the target was found, and how the tip turned between two of them.
+"""Frames, the target and the tip in them, and how the tip turned between two of them.
 
 The background shows the camera's rotation w between two frames, in axes of the first. The bend, as
 a rotation vector b, then changes by
@@ -10,6 +10,7 @@ with t the size of b and K the cross product with it; b has no part along the ax
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, hypot, sin
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from endolock.control.transmission.kinematics import LARGEST_BEND_RAD
 from endolock.hw.api import Vector
 
 NEWEST = 10
-"""Number of frames among which the start of a turn is looked for."""
+"""Number of frames among which the start of a turn is looked for [1]."""
 
 
 class SeenFrame(NamedTuple):
@@ -38,8 +39,10 @@ class SeenFrame(NamedTuple):
 
 
 class TipSeen(NamedTuple):
-    """The tip at the exposure of a frame."""
+    """The tip at the exposure of a frame, whether or not it shows the target."""
 
+    t: float
+    """Believed time of exposure [s]."""
     bend: Vector
     """Its bend, in axes of the video, 2 [rad]."""
     model: Vector
@@ -50,11 +53,11 @@ class TipSeen(NamedTuple):
     """Whether the bend was measured by the background, from the frame before."""
 
 
-def frame_at(frames: list[SeenFrame], t: float) -> SeenFrame | None:
-    """Return the frame believed to be exposed at a time [s], if it is one of the newest."""
-    for frame in reversed(frames[-NEWEST:]):
-        if abs(frame.t - t) < 1e-6:
-            return frame
+def tip_of(tips: Sequence[TipSeen], t: float) -> TipSeen | None:
+    """Return the tip in the frame believed to be exposed at a time [s], if there is one."""
+    for tip in reversed(tips):
+        if abs(tip.t - t) < 1e-6:
+            return tip
     return None
 
 

@@ -14,6 +14,8 @@ are believed once they are evident (control/predictive/loop_belief.py).
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from endolock.control.predictive import loop_evidence, model_belief, online_plays
@@ -22,7 +24,7 @@ from endolock.control.predictive.competition import Competition
 from endolock.control.predictive.increment_fit import SHIFTS_S, IncrementFit
 from endolock.control.predictive.loop_belief import LoopBelief
 from endolock.control.predictive.model_in_use import ModelInUse
-from endolock.control.predictive.seen_frames import SeenFrame, TipSeen, bend_change, frame_at
+from endolock.control.predictive.seen_frames import NEWEST, SeenFrame, TipSeen, bend_change, tip_of
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 from endolock.vision.observation import Turn
@@ -75,6 +77,7 @@ class TransmissionModel(ModelInUse):
         self._options = capstan, dead_zones, background
         self._fit = IncrementFit()
         self._rivals = Competition()
+        self._tips: deque[TipSeen] = deque(maxlen=NEWEST)
         self._count = 0
         self._trusted = True
 
@@ -91,7 +94,7 @@ class TransmissionModel(ModelInUse):
         return float(np.sqrt(self._rivals.usual))
 
     def tip_at(self, t: float, turn: Turn | None) -> TipSeen:
-        """Bend at a new frame, measured or by the model.
+        """Bend at a new frame, measured or by the model; also of one that does not show the target.
 
         Args:
             t: believed time of exposure [s].
@@ -104,24 +107,24 @@ class TransmissionModel(ModelInUse):
             model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
         else:
             model = np.einsum("ak,ak->a", self.weights, columns[-1])
-        if not self.frames:
-            return TipSeen(model, model, columns[-1], False)
         turn = turn if self._options[2] else None
-        since = frame_at(self.frames, turn.since_s) if turn is not None else None
+        since = tip_of(self._tips, turn.since_s) if turn is not None else None
         if turn is None or since is None:
             bend = model
             if self.background:
-                last = self.frames[-1]
+                last = self._tips[-1]
                 bend = last.bend + model - self.bends_at(np.array([last.t + self.shift_s]))[0]
-            return TipSeen(bend, model, columns[-1], False)
+            self._tips.append(TipSeen(t, bend, model, columns[-1], False))
+            return self._tips[-1]
         moved = bend_change(np.array(turn.vector), since.bend)
-        if since is self.frames[-1]:
+        if since is self._tips[-1]:
             self.turned_rad = float(moved[0]), float(moved[1])
         variance = np.array([turn.covariance[0][0], turn.covariance[1][1]])
         before = self.history.columns_at(since.t + SHIFTS_S)
         self._fit.add(columns[:-1] - before, moved, variance, t - since.t)
         bend = since.bend + moved if self.background else model
-        return TipSeen(bend, model, columns[-1], True)
+        self._tips.append(TipSeen(t, bend, model, columns[-1], True))
+        return self._tips[-1]
 
     def add(self, frame: SeenFrame) -> None:
         """Add a frame; the candidates compete on it."""

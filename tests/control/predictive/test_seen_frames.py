@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from endolock.control.predictive.seen_frames import (
     SeenFrame,
+    TipSeen,
     bend_change,
-    frame_at,
     frame_before,
     right_jacobian,
+    tip_of,
 )
 from endolock.control.transmission import kinematics
 from endolock.control.transmission.kinematics import SectionGeometry
@@ -61,8 +62,8 @@ def test_a_bend_beyond_the_largest_is_no_error() -> None:
 def test_frames_are_found_by_their_times() -> None:
     zero = np.zeros(2)
     frames = [SeenFrame(0.04 * n, zero, zero, zero, False) for n in range(20)]
-    assert frame_at(frames, 0.04 * 18) is frames[18]
-    assert frame_at(frames, 0.04 * 18 + 0.01) is None
-    assert frame_at(frames, 0.0) is None  # turns span a few frames at most
+    tips = [TipSeen(0.04 * n, zero, zero, zero, False) for n in range(20)]
+    assert tip_of(tips, 0.04 * 18) is tips[18]
+    assert tip_of(tips, 0.04 * 18 + 0.01) is None
     assert frame_before(frames, 0.05) is frames[1]
     assert frame_before(frames, -0.1) is None

@@ -126,6 +126,22 @@ def test_the_inverse_of_what_was_learnt_gives_the_bend() -> None:
         assert model.bend == pytest.approx(wanted)
 
 
+def test_turns_count_while_the_target_is_not_found() -> None:
+    """A tip that is pushed, so that the handles do not tell; the target is seen in the last."""
+    runner, step, count = Runner(WIDE), np.array([0.01, -0.005]), 5
+    model = runner.run(10.0)
+    before = model.frames[-1].bend
+    for n in range(1, count + 1):
+        t = runner.n * DT + 2 * n * DT
+        up_down, left_right = model.history.handles.tolist()
+        model.follow(t, (up_down, left_right))
+        tip = model.tip_at(t, runner._turn(step))
+        runner.bend, runner.seen_s = runner.bend + step, t
+        assert tip.turned
+        assert model.turned_rad == pytest.approx(step, abs=5 * NOISE_RAD)
+    assert tip.bend - before == pytest.approx(count * step, abs=5 * NOISE_RAD * count**0.5)
+
+
 @pytest.mark.parametrize("wrong", ["unrelated", "five times", "a fifth"])
 def test_a_wrong_background_is_not_believed(wrong: str) -> None:
     """Turns of something else, or of a wrong scale: from two seconds of evidence on."""
