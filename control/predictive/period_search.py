@@ -28,14 +28,17 @@ CYCLES = 1.15
 """Number of periods that the past must hold [1]. Assumed: a little more than one."""
 AS_GOOD = 1.5
 """Ratio of residuals up to which a period counts as equal to the best."""
-PER_TICK = 4
-"""Number of candidate periods fitted per tick: a round takes a second at most."""
+PER_TICK = 8
+"""Number of candidate periods fitted per tick: a round takes half a second at most, and a slice
+not much longer than with one period."""
 ROUND_S = 2.0
 """Time from the start of one round to that of the next [s]. Assumed."""
 SPARSE_S = 3.0
 """Periods above this are searched for in half the places [s]."""
 NOISE = 0.1
 """Part of the variance of the places by which residuals may differ, too [1]."""
+ALIKE = 0.01
+"""Difference below which two periods of a leader are one [1]. Assumed: a refinement spans it."""
 REFINED = 4
 """Number of candidates per axis that are refined."""
 OFFSET_S = 0.25
@@ -127,9 +130,12 @@ class PeriodSearch:
         sample = Sample(past)
         end, self._moved = float(past.times[-1]), np.zeros(2)
         starts: list[list[float]] = [[], []]
-        if self._leader:
-            known = [fit.period_s for fit in self._leader.fits if fit]
-            starts = [known.copy(), known.copy()]
+        steps = 2
+        if self._leader:  # whose periods are refined
+            known = sorted(fit.period_s for fit in self._leader.fits if fit)
+            if len(known) == 2 and known[1] < (1 + ALIKE) * known[0]:
+                known.pop()
+            starts, steps = [known, known], 1
         else:
             sparse = Sample(past, 2)
             periods = PERIODS_S[sample.length_s / CYCLES > PERIODS_S]
@@ -139,14 +145,13 @@ class PeriodSearch:
                 left.append(residuals_of(sparse if some[0] > SPARSE_S else sample, some))
                 yield
             residuals = np.concatenate(left)
-            starts = [_minima(residuals[:, axis], periods) for axis in range(2)]
+            for axis, fit in enumerate(self.fits):
+                starts[axis] = _minima(residuals[:, axis], periods)
+                starts[axis] += [fit.period_s] if fit else []
         for axis in range(2):
             tried = []
-            fit = self.fits[axis]
-            if fit:
-                starts[axis].append(fit.period_s)
             for start in starts[axis]:
-                tried.append(refined(sample, axis, start, 2))
+                tried.append(refined(sample, axis, start, steps))
                 yield
             usable = [one for one in tried if one[0] * CYCLES < sample.length_s]
             if usable:
