@@ -161,7 +161,7 @@ class Predictive:
         place = kinematics.aim(self._geometry, position + rotation @ (depth * ray))
         self._check_wiring(observation, depth * ray)
         offset = np.array(place) - bend
-        memory.off_rad = float(np.hypot(*offset))
+        memory.off_rad = hypot(*offset.tolist())
         exposed = observation.t_capture + model.shift_s
         model.add(SeenFrame(observation.t_capture, bend, offset, tip.columns, tip.turned))
         lever = self._geometry.bending_length_m / 2 + self._geometry.rigid_tip_m
