@@ -24,6 +24,8 @@ Pair = tuple[float, float]
 """One number for each axis, (up_down, left_right)."""
 LARGEST_BEND_RAD = 2.6
 """Targets that need more are aimed at with this bend [rad]; 150 deg. Assumed."""
+CLOSE_RAD = 1e-14
+"""Last step of the search for a bend [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,10 +142,18 @@ def aim(geometry: SectionGeometry, target_m: Vector) -> Pair:
     if r < 1e-12:
         return 0.0, 0.0
     low, high = 0.0, LARGEST_BEND_RAD  # the left side is r > 0 at 0
-    for _ in range(50):  # to 2.6 rad / 2^50
-        t = (low + high) / 2
-        if r * cos(t) - z * sin(t) + 2 * length * sin(t / 2) ** 2 / t > 0:
+    t = high / 4
+    for _ in range(100):  # Newton steps within a bracket
+        c, s, half = cos(t), sin(t), 2 * length * sin(t / 2) ** 2 / t
+        left = r * c - z * s + half
+        if left > 0:
             low = t
         else:
             high = t
-    return -high * y / r, high * x / r
+        slope = -r * s - z * c + (length * s - half) / t
+        before, t = t, t - left / slope if slope < 0 else high
+        if not low < t < high:
+            t = (low + high) / 2
+        if abs(t - before) < CLOSE_RAD:
+            break
+    return -t * y / r, t * x / r
