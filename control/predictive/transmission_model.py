@@ -101,14 +101,15 @@ class TransmissionModel(ModelInUse):
             turn: rotation of the camera since an earlier frame.
         """
         self.turned_rad = None
-        shifts = np.append(SHIFTS_S, self.shift_s)
-        columns = self.history.columns_at(t + shifts)
+        turn = turn if self._options[2] else None
+        since = tip_of(self._tips, turn.since_s) if turn is not None else None
+        times = [t + SHIFTS_S, [t + self.shift_s], since.t + SHIFTS_S if since else []]
+        known = self.history.columns_at(np.concatenate(times))
+        columns, before = known[: len(SHIFTS_S) + 1], known[len(SHIFTS_S) + 1 :]
         if self.capstan_used:
             model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
         else:
             model = np.einsum("ak,ak->a", self.weights, columns[-1])
-        turn = turn if self._options[2] else None
-        since = tip_of(self._tips, turn.since_s) if turn is not None else None
         if turn is None or since is None:
             bend = model
             if self.background:
@@ -120,7 +121,6 @@ class TransmissionModel(ModelInUse):
         if since is self._tips[-1]:
             self.turned_rad = float(moved[0]), float(moved[1])
         variance = np.array([turn.covariance[0][0], turn.covariance[1][1]])
-        before = self.history.columns_at(since.t + SHIFTS_S)
         self._fit.add(columns[:-1] - before, moved, variance, t - since.t)
         bend = since.bend + moved if self.background else model
         self._tips.append(TipSeen(t, bend, model, columns[-1], True))
