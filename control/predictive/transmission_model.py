@@ -103,8 +103,9 @@ class TransmissionModel(ModelInUse):
         self.turned_rad = None
         turn = turn if self._options[2] else None
         since = tip_of(self._tips, turn.since_s) if turn is not None else None
-        times = [t + SHIFTS_S, [t + self.shift_s], since.t + SHIFTS_S if since else []]
-        known = self.history.columns_at(np.concatenate(times))
+        times = [*(t + SHIFTS_S).tolist(), t + self.shift_s]
+        times += (since.t + SHIFTS_S).tolist() if since else []
+        known = self.history.columns_at(np.array(times))
         columns, before = known[: len(SHIFTS_S) + 1], known[len(SHIFTS_S) + 1 :]
         if self.capstan_used:
             model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
