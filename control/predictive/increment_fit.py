@@ -67,7 +67,6 @@ class IncrementFit:
         self._dt = 0.04
         self._left = np.full(count, np.inf)
         self._next = 0
-        self._residual = [0.0, 0.0]
 
     @property
     def independent(self) -> float:
@@ -111,7 +110,6 @@ class IncrementFit:
             dead_zones: whether dead zones may have weights.
         """
         weights, residual, curvature = self._solve(axis, shift, dead_zones)
-        self._residual[axis] = residual
         half = HALF_WIDTHS[: len(weights)]
         slope = max(float(weights.sum()), 1e-6)
         gradient = 2 * (half - (weights @ half) / slope) / slope
@@ -120,13 +118,8 @@ class IncrementFit:
         full[: len(weights)] = weights
         return FittedAxis(full, residual, sqrt(max(spread, 0.0)))
 
-    def _solve(
-        self, axis: int, shift: float, dead_zones: bool, left: float = 0.0, rounds: int = 2
-    ) -> tuple[Vector, float, Vector]:
-        """Weights, variance that they do not explain, and half the curvature of the criterion.
-
-        The first round takes `left` as that variance, and each of the others what the last left.
-        """
+    def _solve(self, axis: int, shift: float, dead_zones: bool) -> tuple[Vector, float, Vector]:
+        """Weights, variance that they do not explain, and half the curvature of the criterion."""
         from scipy.optimize import nnls  # see prepare
 
         count = max(self.count, 1.0)
@@ -137,8 +130,8 @@ class IncrementFit:
         xx = ((1 - part) * self._xx[low, axis] + part * self._xx[low + 1, axis])[:k, :k]
         xy = ((1 - part) * self._xy[low, axis] + part * self._xy[low + 1, axis])[:k]
         yy, noise = float(self._yy[axis]), float(self._noise[axis]) / count
-        variance = max(noise, left, 1e-7)
-        for _ in range(rounds):
+        variance = max(noise, 1e-7)
+        for _ in range(2):
             scale = variance * LEAK_S / self._dt
             a = xx / scale + _PRECISION[:k, :k]
             b = xy / scale + _PULL[:k]
@@ -152,10 +145,7 @@ class IncrementFit:
         """Fit both axes with one of the delays of `SHIFTS_S`, the next at each call."""
         n = self._next = (self._next + 1) % len(SHIFTS_S)
         shift = float(SHIFTS_S[n])
-        self._left[n] = sum(
-            self._solve(axis, shift, dead_zones, left, rounds=1)[1]
-            for axis, left in enumerate(self._residual)
-        )
+        self._left[n] = sum(self._solve(axis, shift, dead_zones)[1] for axis in range(2))
 
     def delay(self, shift: float) -> tuple[float, float] | None:
         """Delay of the exposures with the least residual, and its standard deviation [s].

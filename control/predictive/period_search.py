@@ -130,12 +130,11 @@ class PeriodSearch:
         sample = Sample(past)
         end, self._moved = float(past.times[-1]), np.zeros(2)
         starts: list[list[float]] = [[], []]
-        steps = 2
-        if self._leader:  # whose periods are refined
+        if self._leader:
             known = sorted(fit.period_s for fit in self._leader.fits if fit)
             if len(known) == 2 and known[1] < (1 + ALIKE) * known[0]:
                 known.pop()
-            starts, steps = [known, known], 1
+            starts = [known.copy(), known.copy()]
         else:
             sparse = Sample(past, 2)
             periods = PERIODS_S[sample.length_s / CYCLES > PERIODS_S]
@@ -145,13 +144,14 @@ class PeriodSearch:
                 left.append(residuals_of(sparse if some[0] > SPARSE_S else sample, some))
                 yield
             residuals = np.concatenate(left)
-            for axis, fit in enumerate(self.fits):
-                starts[axis] = _minima(residuals[:, axis], periods)
-                starts[axis] += [fit.period_s] if fit else []
+            starts = [_minima(residuals[:, axis], periods) for axis in range(2)]
         for axis in range(2):
             tried = []
+            fit = self.fits[axis]
+            if fit:
+                starts[axis].append(fit.period_s)
             for start in starts[axis]:
-                tried.append(refined(sample, axis, start, steps))
+                tried.append(refined(sample, axis, start, 2))
                 yield
             usable = [one for one in tried if one[0] * CYCLES < sample.length_s]
             if usable:
