@@ -10,6 +10,7 @@ well, where nothing speaks against it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
@@ -38,9 +39,15 @@ class LoopBelief:
         """Believe in weights that were found otherwise, `COLUMNS` [rad/rad]."""
         self._found[axis] = self.weights[axis] = weights
         self.known[axis] = self._own[axis] = True
+        self._gain[axis] = inf
 
-    def renew(self, axes: Sequence[IdentifiedAxis | None]) -> None:
-        """Believe and doubt by what was identified of each axis, None where it was at rest."""
+    def renew(self, axes: Sequence[IdentifiedAxis | None], *, doubt: bool = True) -> None:
+        """Believe and doubt by what was identified.
+
+        Args:
+            axes: each axis, None where it was at rest.
+            doubt: whether what is believed may be dropped.
+        """
         for axis, found in enumerate(axes):
             if found is None:
                 continue
@@ -48,7 +55,7 @@ class LoopBelief:
                 self._own[axis] = True
                 self._found[axis], self._std[axis] = found.weights, found.width_std
                 self._gain[axis] = found.loop.gain
-            elif self._own[axis] and not found.allows(self._found[axis], CLEARLY):
+            elif doubt and self._own[axis] and not found.allows(self._found[axis], CLEARLY):
                 self._own[axis] = False
         for axis, found in enumerate(axes):
             self._choose(axis, found)

@@ -31,6 +31,9 @@ markers."""
 CLEARLY, NEARLY = 5.0, 2.0
 """L from which a model is out of the question, and up to which one is possible [1]: odds of 150,
 and two standard deviations."""
+BEYOND_DOUBT = 15.0
+"""L from which loops are out of the question [1]. Assumed: three times as much as for a loop, which
+is what is to be expected, and which a target that is followed may hide."""
 UNUSUAL = 2.0
 """L of slack without any evidence [1]. Assumed: a play that started amid its loop looks the same
 until the handle turns back."""
@@ -53,11 +56,14 @@ class LoopEvidence(NamedTuple):
     """Largest width that is possible [rad]; infinite if the widest is."""
     gain: float
     """How much less likely no loop at all is [1]."""
+    without: float
+    """How much less likely any loop from `ALIKE_RAD` on is [1]."""
 
     @property
     def evident(self) -> bool:
-        """Whether there is a loop, and its width is known."""
-        return self.gain > CLEARLY and self.highest - self.lowest <= ALIKE_RAD
+        """Whether the width is known: that of a loop, or beyond doubt that there is none."""
+        known = self.highest - self.lowest <= ALIKE_RAD
+        return known and (self.gain > CLEARLY or self.without > BEYOND_DOUBT)
 
 
 def weigh(free: Vector, rest: Vector, slope: float) -> LoopEvidence:
@@ -80,7 +86,13 @@ def weigh(free: Vector, rest: Vector, slope: float) -> LoopEvidence:
     possible = widths[less < NEARLY]
     widest = float(possible.max()) if less[PLAYS - 1] >= NEARLY else float("inf")
     return LoopEvidence(
-        best, float(slopes[best]), float(left[best]), float(possible.min()), widest, float(less[0])
+        best,
+        float(slopes[best]),
+        float(left[best]),
+        float(possible.min()),
+        widest,
+        float(less[0]),
+        float(less[widths > ALIKE_RAD - 1e-9].min()),
     )
 
 

@@ -234,10 +234,12 @@ class TransmissionModel(ModelInUse):
         )
         if found is None:
             return False
-        self.loops.renew(found.axes)
-        if any(one is not None and one.loop.evident for one in found.axes):
-            clear = found.surer > loop_evidence.NEARLY
-            self.shift_s += (1.0 if clear else 0.3) * (found.shift_s - self.shift_s)
+        clear = found.surer > loop_evidence.NEARLY
+        share = 1.0 if clear and not self.known else 0.3
+        self.loops.renew(found.axes, doubt=not clear)  # another delay explains more
+        evident = any(one is not None and one.loop.evident for one in found.axes)
+        if evident or (self.known and clear):
+            self.shift_s += share * (found.shift_s - self.shift_s)
             self.shift_std_s = found.shift_std_s
         for axis in range(2):
             self._rivals.candidates[axis, 1:] = self.loops.weights[axis]
