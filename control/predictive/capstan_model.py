@@ -24,11 +24,18 @@ LEAD_S = 3.0
 """Start of a window that is not used, as the state there is unknown [s]."""
 MIN_FRAMES = 100
 """Smallest number of frames in a window."""
+MIN_FRAMES_SINCE = 35
+"""The same after a change [1]. Assumed."""
 CATCH_UP = 12
 """Ticks per tick at which a model found on an older window catches up."""
 KEEP_S = 1.0
 """Time between stored states [s]."""
-STEPS, LONG_S = 3, 10.0
+RELEARN_S, SHORT_S = 15.0, 8.0
+"""Time after a change for which the search does not slow down, and length of the window then [s]. Assumed: three
+turns and two."""
+NUDGE_RAD = 1e-3
+"""Change of the bend with which the width of a loop is found [rad]."""
+STEPS, LONG_S = 3, 6.0
 """Number of steps of the search, and length of the last window, before it is used [1, s].
 Assumed."""
 
@@ -41,11 +48,15 @@ class CapstanModel:
     """Search for the parameters."""
     followed: CapstanRollout | None = None
     """The model that follows the handles."""
+    _since_s: float | None = None
+    fitted_s: float = 0.0
+    """End of the window from which it was found [s]."""
     _bends: Vector = field(default_factory=lambda: np.zeros((ROOM, 2)))
     _count: int = 0
     _catching_up: CapstanRollout | None = None
     _caught_up_s: float = 0.0
     _kept: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
+    _found_states: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
 
     @property
     def bends(self) -> Vector:
@@ -60,6 +71,8 @@ class CapstanModel:
     def ready(self, history: HandleHistory) -> bool:
         """Whether the search has gone far enough for the model to be used."""
         count = min(self._count, len(history.times))
+        if self._since_s is not None:
+            return count > 1 and self.search.steps > 0
         enough = count > 1 and self.search.steps >= STEPS
         return enough and history.times[-1] - history.times[-count] > LONG_S
 
@@ -91,6 +104,13 @@ class CapstanModel:
             left_right.handle_for(bend[1], gain * handles[0], present[0]) / gain,
         )
 
+    def widths(self, handles: Pair) -> Pair:
+        """Way of each handle between two bends that differ by `2 NUDGE_RAD` at present [rad]."""
+        up_down, left_right = self.bends[-1].tolist()
+        above = self.handles_for((up_down + NUDGE_RAD, left_right + NUDGE_RAD), handles)
+        below = self.handles_for((up_down - NUDGE_RAD, left_right - NUDGE_RAD), handles)
+        return above[0] - below[0], above[1] - below[1]
+
     def work(self, history: HandleHistory, frames: Vector, knot_s: float) -> bool:
         """Continue the search by one slice; return whether the followed model was replaced.
 
@@ -106,19 +126,24 @@ class CapstanModel:
             self._open_window(history, frames, knot_s)
             return False
         window = self.search.window
+        if self._since_s is not None and history.times[-1] < self._since_s + RELEARN_S:
+            self.search.settled = False
         found = online_capstan.work(self.search)
         if found is not None:
             bends = window.bends(found, np.array(window.ticks))
             past = [(float(up_down), float(left_right)) for up_down, left_right in bends]
             self._catching_up = CapstanRollout(found.parameters, found.states, past)
-            self._caught_up_s = window.ticks[-1]
-            self._kept = self._kept or [(window.ticks[0], window.states)]
+            self.fitted_s = self._caught_up_s = window.ticks[-1]
+            self._found_states = window.stored
         return False
 
-    def forget(self) -> None:
-        """Drop the search in progress and its trust, but not the parameters."""
-        self.search = Search(parameters=self.search.parameters)
+    def changed(self, t: float) -> None:
+        """Search anew from what is found, on frames from a time on [s]."""
+        found = self.search.parameters
+        if self.search.steps:
+            self.search = online_capstan.after_change(found)
         self._catching_up = None
+        self._since_s = t
 
     def _keep(self, bends: list[Pair]) -> None:
         """Append bends of the newest ticks; the oldest are dropped when there is no room."""
@@ -131,8 +156,17 @@ class CapstanModel:
     def _open_window(self, history: HandleHistory, frames: Vector, knot_s: float) -> None:
         times = history.times
         start, states = self._kept[0] if self._kept else (float(times[0]) - 1e-9, ([], []))
-        rows = frames[frames[:, 0] > max(start + LEAD_S, float(times[-1]) - WINDOW_S)]
-        if len(rows) < MIN_FRAMES:
+        now = float(times[-1])
+        since, least = max(start + LEAD_S, now - WINDOW_S), MIN_FRAMES
+        if self._since_s is not None and self._since_s > since:
+            since, least = self._since_s, MIN_FRAMES_SINCE
+            if now < self._since_s + RELEARN_S:
+                since = max(since, now - SHORT_S)
+            start, states = max(
+                (kept for kept in self._kept if kept[0] <= since), default=(start, states)
+            )
+        rows = frames[frames[:, 0] > since]
+        if len(rows) < least:
             return
         first = int(np.searchsorted(times, start, side="right"))
         seen = [(float(t), float(a), float(b)) for t, a, b in rows]
@@ -150,6 +184,8 @@ class CapstanModel:
         if last < len(times):
             return False
         self.followed = CapstanRollout(capstan.parameters, capstan.states)
+        found_s = self._found_states[0][0] if self._found_states else np.inf
+        self._kept = [kept for kept in self._kept if kept[0] < found_s] + self._found_states
         self._catching_up = None
         self._count = 0
         self._keep(capstan.bends[-min(len(times), ROOM // 2) :])

@@ -23,11 +23,14 @@ CLEARLY = 0.85
 changes."""
 EARN = 0.8
 """Ratio below which the capstan replaces the columns; it leaves above 1."""
-SURPRISE, SURPRISE_RAD, PATIENCE_S = 6.0, 0.012, 3.0
+SURPRISE, SURPRISE_RAD, PATIENCE_S = 6.0, 0.012, 12.0
 """Recent over usual squared error above which the transmission has changed, its least rms error
 [rad], and the time before this is looked for again [s]. Assumed."""
-LARGE_RAD2 = 1.0
-"""Squared error of a capstan that is not to be used [rad2]."""
+NEW_FRAMES = 25
+"""Number of frames for which a new capstan counts as good as the one before, or as the columns if
+that was worse [1]: a second."""
+JUDGED_S = 0.2
+"""Time that the errors before a change count for [s]. Assumed."""
 
 
 class Competition:
@@ -45,6 +48,7 @@ class Competition:
         self.recent = self.usual = 1e-5
         """Those of the model in use, within a half and within twenty seconds [rad2]."""
         self._patient_s = 0.0
+        self._judged_s = MEMORY_S
 
     def judge(
         self,
@@ -53,6 +57,7 @@ class Competition:
         capstan: CapstanModel,
         history: HandleHistory,
         *,
+        turn: float,
         background: bool,
         capstan_used: bool,
     ) -> None:
@@ -63,35 +68,27 @@ class Competition:
             weights: weights of the columns in use, 2 x `COLUMNS` [rad/rad].
             capstan: the other model.
             history: handle angles that it has followed.
+            turn: rotation of the video that goes with the columns [rad].
             background: whether the bends of the frames were measured.
             capstan_used: whether the capstan is in use.
         """
-        frame = frames[-1]
-        middle = frame_before(frames, frame.t - HORIZON_S / 2)
-        first = frame_before(frames, frame.t - HORIZON_S)
-        if first is None or middle is None:
+        parts = _parts(frames, frames[-1], background)
+        if parts is None:
             return
-        if background:
-            parts = [(1.0, frame), (-1.0, first)]
-            path = "bend"
-        else:  # against a smooth path of the target
-            parts = [(1.0, frame), (-2.0, middle), (1.0, first)]
-            path = "offset"
-        sign = 1.0 if background else -1.0
-        change = sign * sum(part * getattr(one, path) for part, one in parts)
-        columns = sum(part * one.columns for part, one in parts)
-        left = change[:, None] - np.einsum("ack,ak->ac", self.candidates, columns)
-        share = (frame.t - frames[-2].t) / MEMORY_S
+        change, columns = _changes(parts, background)
+        along = rotation(turn) @ change
+        left = along[:, None] - np.einsum("ack,ak->ac", self.candidates, columns)
+        dt = frames[-1].t - frames[-2].t
+        self._judged_s = min(self._judged_s + dt, MEMORY_S)
+        share = dt / MEMORY_S
+        since = min(dt / self._judged_s, 1.0)
         self.errors += min(share, 1.0) * (left**2 - self.errors)
-        by_columns = change - np.einsum("ak,ak->a", weights, columns)
+        by_columns = along - np.einsum("ak,ak->a", weights, columns)
         by_used = by_columns
-        self.by_columns += min(share, 1.0) * (float(by_columns @ by_columns) - self.by_columns)
+        self.by_columns += since * (float(by_columns @ by_columns) - self.by_columns)
         if len(capstan.bends) > 1:
-            found = capstan.search.parameters
-            times = np.array([one.t for _, one in parts]) + found.shift_s
-            bends = capstan.bends_at(history, times) @ rotation(found.video_turn_rad)
-            by_capstan = change - np.array([part for part, _ in parts]) @ bends
-            self.by_capstan += min(share, 1.0) * (float(by_capstan @ by_capstan) - self.by_capstan)
+            by_capstan = change - _capstan_changes([parts], capstan, history)[0]
+            self.by_capstan += since * (float(by_capstan @ by_capstan) - self.by_capstan)
             by_used = by_capstan if capstan_used else by_columns
         self.recent += min(8 * share, 1.0) * (float(by_used @ by_used) - self.recent)
         self.usual += min(share / 5, 1.0) * (float(by_used @ by_used) - self.usual)
@@ -108,16 +105,44 @@ class Competition:
         """Weights of the candidate of each axis that is in use, 2 x `COLUMNS` [rad/rad]."""
         return np.array([self.candidates[axis, self.choice[axis]] for axis in range(2)])
 
-    def capstan_replaced(self) -> None:
-        """Let a capstan that is not in use, and is new, earn its place."""
-        self.by_capstan = max(self.by_capstan, self.by_columns)
+    def capstan_replaced(
+        self,
+        frames: list[SeenFrame],
+        weights: Vector,
+        capstan: CapstanModel,
+        history: HandleHistory,
+        *,
+        turn: float,
+        background: bool,
+    ) -> None:
+        """Charge a new capstan on the frames since its window, relative to the columns in use.
+
+        See `judge`.
+        """
+        found = [
+            parts
+            for frame in frames
+            if frame.t > capstan.fitted_s + HORIZON_S
+            and (parts := _parts(frames, frame, background)) is not None
+        ]
+        if not found:
+            return
+        both = [_changes(parts, background) for parts in found]
+        change = np.array([one for one, _ in both])
+        columns = np.array([one for _, one in both])
+        by_capstan = change - _capstan_changes(found, capstan, history)
+        by_columns = change @ rotation(turn).T - np.einsum("ak,nak->na", weights, columns)
+        before = min(self.by_capstan, self.by_columns)
+        left = float((by_capstan**2).sum()) + NEW_FRAMES * before
+        by_rival = float((by_columns**2).sum()) + NEW_FRAMES * self.by_columns
+        self.by_capstan = left / by_rival * self.by_columns
 
     def capstan_earns(self, used: bool) -> bool:
         """Whether the capstan is to be used, given whether it is."""
         return self.by_capstan < (1.0 if used else EARN) * self.by_columns
 
     def surprised(self, t: float) -> bool:
-        """Whether the model in use has just become much worse than it was; the capstan is out then.
+        """Whether the model in use has just become much worse than it was; both start anew then.
 
         Args:
             t: present time [s].
@@ -127,5 +152,37 @@ class Competition:
         if self.recent < max(SURPRISE * self.usual, SURPRISE_RAD**2):
             return False
         self._patient_s = t + PATIENCE_S
-        self.by_capstan = LARGE_RAD2
+        self.by_capstan = self.by_columns
+        self._judged_s = JUDGED_S
         return True
+
+
+def _parts(
+    frames: list[SeenFrame], frame: SeenFrame, background: bool
+) -> list[tuple[float, SeenFrame]] | None:
+    """Frames within the horizon whose difference is to be explained; None if it is not seen yet."""
+    first = frame_before(frames, frame.t - HORIZON_S)
+    if background or first is None:
+        return None if first is None else [(1.0, frame), (-1.0, first)]
+    middle = frame_before(frames, frame.t - HORIZON_S / 2)
+    assert middle is not None
+    return [(1.0, frame), (-2.0, middle), (1.0, first)]  # against a smooth path of the target
+
+
+def _changes(parts: list[tuple[float, SeenFrame]], background: bool) -> tuple[Vector, Vector]:
+    """Difference of bends, 2 [rad], and of columns, 2 x `COLUMNS` [rad]."""
+    change = sum(part * (one.bend if background else -one.offset) for part, one in parts)
+    columns = sum(part * one.columns for part, one in parts)
+    return np.array(change), np.array(columns)
+
+
+def _capstan_changes(
+    found: list[list[tuple[float, SeenFrame]]], capstan: CapstanModel, history: HandleHistory
+) -> Vector:
+    """The same difference by the capstan, n x 2 [rad]."""
+    parameters = capstan.search.parameters
+    times = np.array([[one.t for _, one in parts] for parts in found]) + parameters.shift_s
+    bends = capstan.bends_at(history, times.ravel()).reshape(*times.shape, 2)
+    weights = np.array([part for part, _ in found[0]])
+    changes: Vector = np.einsum("p,npa->na", weights, bends) @ rotation(parameters.video_turn_rad)
+    return changes

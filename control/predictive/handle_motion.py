@@ -62,7 +62,7 @@ def next_goals(
         speeds: highest speeds [rad/s].
         dt: length of the tick [s].
     """
-    early, present = foreseen_s(model.widths), model.bend.tolist()
+    early, present = foreseen_s(model.likely_widths), model.bend.tolist()
     now = model.handles_for(wanted, pi)
     facing = plays[0].direction, plays[1].direction
     turns = any(

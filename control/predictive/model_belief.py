@@ -17,20 +17,18 @@ TURN_RAD = 0.015
 """Rms turn within a second above which the background can be judged [rad]. Assumed."""
 
 
-def handles_explain(fit: IncrementFit, shift_s: float) -> bool:
-    """Whether the handles explain the turns of the background, on both axes.
+def handles_explain(fit: IncrementFit, shift_s: float, turn: float) -> bool:
+    """Whether the handles explain the turns of the background.
 
     Args:
         fit: evidence of the turns.
         shift_s: delay of the exposures [s].
+        turn: rotation of the video about its optical axis [rad].
     """
-    return all(_axis_explained(fit, axis, shift_s) for axis in range(2))
-
-
-def _axis_explained(fit: IncrementFit, axis: int, shift_s: float) -> bool:
-    turned = fit.explained(axis)
-    if turned < TURN_RAD**2:
+    turned = [fit.turned(axis) for axis in range(2)]
+    if max(turned) < TURN_RAD**2:
         return True
-    best = fit.solve(axis, shift_s, dead_zones=True)
-    slope = float(best.weights.sum()) / float(PRIOR.sum())
-    return best.residual < UNEXPLAINED * turned and SLOPES[0] < slope < SLOPES[1]
+    best = [fit.solve(axis, shift_s, True, turn) for axis in range(2)]
+    return sum(one.residual for one in best) < UNEXPLAINED * sum(turned) and all(
+        SLOPES[0] < float(one.weights.sum()) / float(PRIOR.sum()) < SLOPES[1] for one in best
+    )

@@ -2,7 +2,7 @@
 
 The bend of each axis is a sum of plays and dead zones of its handle
 (control/predictive/handle_history.py), or both bends come from the capstan model of both axes
-(control/predictive/capstan_model.py), turned into the axes of the video.
+(control/predictive/capstan_model.py). They are turned into the axes of the video.
 """
 
 from __future__ import annotations
@@ -14,6 +14,11 @@ from endolock.control.predictive.capstan_model import CapstanModel
 from endolock.control.predictive.handle_history import HALF_WIDTHS, PRIOR, HandleHistory
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
+
+WIDTHS_EVERY_S = 0.5
+"""Time between computations of the capstan's loop widths [s]."""
+UNKNOWN_RAD = 0.2
+"""Standard deviation of a width above which it is not known [rad]. Assumed: a third of a loop."""
 
 
 class ModelInUse:
@@ -29,10 +34,16 @@ class ModelInUse:
         """Handle angles and columns of the past."""
         self.history.follow(t, handles)
         self.weights = np.array([PRIOR, PRIOR])
+        self.turn_rad = 0.0
+        """Rotation of the video about its optical axis, used with the columns [rad]."""
         self.capstan = CapstanModel()
         """The capstan model, and the search for it."""
         self.capstan_used = False
         """Whether the capstan is used instead of the columns."""
+        self.width_std = np.full(2, np.pi)
+        """Standard deviation of the mean loop width of each axis [rad]."""
+        self._capstan_widths = np.zeros(2)
+        self._widths_due_s = t
 
     @property
     def weights(self) -> Vector:
@@ -52,15 +63,25 @@ class ModelInUse:
         return self._widths
 
     @property
+    def likely_widths(self) -> Vector:
+        """Loop width of each axis, by the other axis where one has not moved enough, 2 [rad]."""
+        if self.capstan_used:
+            return self._capstan_widths
+        widths = self.widths.copy()
+        unknown = self.width_std > UNKNOWN_RAD
+        widths[unknown] = np.maximum(widths, widths[::-1])[unknown]
+        return widths
+
+    @property
     def slopes(self) -> Vector:
         """Bend per handle angle of each axis in long strokes [rad/rad]."""
         return self._slopes
 
     @property
     def bend(self) -> Vector:
-        """Present bend by the model, in axes of the video [rad]."""
+        """Present bend by the model, in axes of the wires, 2 [rad]."""
         if self.capstan_used:
-            bend: Vector = self.capstan.bends[-1] @ self._turned()
+            bend: Vector = self.capstan.bends[-1]
         else:
             bend = np.einsum("ak,ak->a", self.weights, self.history.columns[-1])
         return bend
@@ -69,21 +90,24 @@ class ModelInUse:
         """Run all models on measured handle angles."""
         self.history.follow(t, handles)
         self.capstan.follow(self.history)
+        if self.capstan_used and t >= self._widths_due_s:
+            self._widths_due_s = t + WIDTHS_EVERY_S
+            up_down, left_right = self.history.handles.tolist()
+            self._capstan_widths = np.array(self.capstan.widths((up_down, left_right)))
 
     def bends_at(self, t: Vector) -> Vector:
         """Bends by the model at past times, in axes of the video, n x 2 [rad]."""
         if self.capstan_used:
-            bends: Vector = self.capstan.bends_at(self.history, t) @ self._turned()
+            bends = self.capstan.bends_at(self.history, t)
         else:
             bends = self.history.sums_at(t, self.weights)
-        return bends
+        return bends @ self._turned()
 
     def handles_for(self, bend: Pair, reach: float) -> Pair:
-        """Nearest handle angles at which the model has a bend, in axes of the video [rad]."""
+        """Nearest handle angles at which the model has a bend, in axes of the wires [rad]."""
         up_down, left_right = self.history.handles.tolist()
         if self.capstan_used:
-            one, two = (self._turned() @ bend).tolist()
-            return self.capstan.handles_for((one, two), (up_down, left_right))
+            return self.capstan.handles_for(bend, (up_down, left_right))
         first, second = (
             handle_history.handle_for(
                 self.weights[axis],
@@ -96,7 +120,12 @@ class ModelInUse:
         )
         return first, second
 
+    def to_wires(self, bends: Vector) -> Vector:
+        """Turn bends from axes of the video to those of the wires, 2 or n x 2 [rad]."""
+        turned: Vector = bends @ self._turned().T
+        return turned
+
     def _turned(self) -> Vector:
         """Rotation from axes of the video to those of the wires, 2 x 2."""
-        angle = self.capstan.search.parameters.video_turn_rad if self.capstan_used else 0.0
-        return capstan_model.rotation(angle)
+        found = self.capstan.search.parameters.video_turn_rad
+        return capstan_model.rotation(found if self.capstan_used else self.turn_rad)

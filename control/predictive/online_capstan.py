@@ -51,6 +51,19 @@ WIDTH = CapstanParameters(
     shift_s=0.1,
 )
 """Standard deviations of the prior. Assumed, as `START`."""
+CHANGED_WIDTH = CapstanParameters(
+    conduit_exponent=0.1,
+    section_friction=0.02,
+    log_stiffness=0.02,
+    slack_m=5e-5,
+    handle_gain=0.01,
+    video_turn_rad=0.01,
+    shift_s=0.04,
+)
+"""The same after a change of the transmission, about what was found before it. Assumed: friction,
+the shaft's bend and the latency may change; wires and handles stay as they are."""
+CHANGED_FRICTION = 0.7
+"""Relative standard deviation of both frictions together after a change [1]. Assumed."""
 LOW = CapstanParameters(
     conduit_exponent=0.02,
     section_friction=0.0,
@@ -83,11 +96,14 @@ DELTA = CapstanParameters(
 ERROR_RAD = 0.02
 """s, assumed error of the model [rad]: five pixels, although it is about one, because the errors of
 neighbouring frames are correlated. Source: tuned on the default instrument."""
+FEW_KNOTS = 2.0
+"""Number of knots below which a slow path is straight [1]: a spline would take up all motion."""
 STEP_RAD, MAX_STEPS = 0.02, 350
 """Handle travel between simulated samples [rad], longer if there would be more than this number."""
-SAMPLES, SETTLED = 4, 3
-"""Samples simulated per tick, a fifth of a millisecond, and number of steps that lowered the cost
-after which it is one [1]."""
+SAMPLES, SETTLED_SAMPLES = 16, 4
+"""Samples simulated per tick [1], 50 us each: until a step hardly lowers the cost, and then."""
+SETTLED = 0.9
+"""Ratio of costs above which a step hardly lowers them [1]. Assumed."""
 LARGE_RAD = 10.0
 """Initial value of the misfit [rad]."""
 MOST_DAMPING = 1e6
@@ -114,6 +130,8 @@ class Window:
     """States of the axes before the first tick; empty at rest."""
     knot_s: float
     """Spacing of the knots of the slow path [s]."""
+    stored: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
+    """Times and states of the simulation with the step, on the way [s]."""
     rollouts: list[CapstanRollout] = field(default_factory=list)
     """Simulations with the best parameters, with each of them changed, and with the step."""
 
@@ -132,16 +150,30 @@ class Search:
 
     parameters: CapstanParameters = START
     """Best parameters so far."""
+    prior: CapstanParameters = START
+    """p0."""
+    root: Vector = field(default_factory=lambda: np.diag(WIDTH))
+    """A root of the covariance of the prior: p = p0 + root u with u of unit variance, 7 x 7."""
     spread: CapstanParameters = WIDTH
     """Standard deviations of the parameters."""
-    damping: float = 1.0
+    damping: float = 0.3
     """Levenberg-Marquardt damping [1]."""
     misfit_rad: float = LARGE_RAD
     """Residual of the best parameters, rms of both axes together [rad]."""
+    settled: bool = False
+    """Whether the last step hardly lowered the cost."""
     steps: int = 0
     """Number of steps that lowered the cost."""
     window: Window | None = None
     """Data of the step in progress; None between steps."""
+
+
+def after_change(found: CapstanParameters) -> Search:
+    """Search that begins from what was found before a change of the transmission."""
+    both = np.zeros(len(found))
+    both[:2] = CHANGED_FRICTION * np.array(found[:2])  # friction, of conduit and section alike
+    covariance = np.diag(np.square(CHANGED_WIDTH)) + np.outer(both, both)
+    return Search(found, prior=found, root=np.linalg.cholesky(covariance))
 
 
 def begin(
@@ -177,11 +209,14 @@ def work(search: Search) -> CapstanRollout | None:
     """Simulate one slice of the window; return the simulation of a better model, once found."""
     window = search.window
     assert window is not None
-    samples = SAMPLES if search.steps < SETTLED else 1
-    for rollout in window.rollouts:
+    samples = SETTLED_SAMPLES if search.settled else SAMPLES
+    for n, rollout in enumerate(window.rollouts):
         if rollout.advance(window.course, samples):
+            if n > CABLE:
+                tick = window.kept[len(rollout.bends) - 1]
+                window.stored.append((window.ticks[tick], rollout.states))
             return None
-    basis, _ = np.linalg.qr(splines(np.array([frame[0] for frame in window.frames]), window.knot_s))
+    basis = _slow(np.array([frame[0] for frame in window.frames]), window.knot_s)
     residual = _residual(search.parameters, window, window.rollouts[0], basis)
     if len(window.rollouts) == CABLE + 1:
         stepped = _step(search, window, residual, basis)
@@ -189,7 +224,11 @@ def work(search: Search) -> CapstanRollout | None:
         return None
     rollout = window.rollouts[-1]
     new_residual = _residual(rollout.parameters, window, rollout, basis)
-    better = _cost(rollout.parameters, new_residual) < _cost(search.parameters, residual)
+    old = _cost(search, search.parameters, residual)
+    new = _cost(search, rollout.parameters, new_residual)
+    better = new < old
+    if better or search.damping > 1:
+        search.settled = new > SETTLED * old
     search.window = None
     search.damping = min(search.damping * (SHRINK if better else GROW), MOST_DAMPING)
     search.misfit_rad = _misfit_rad(new_residual if better else residual)
@@ -208,6 +247,18 @@ def _neighbours(parameters: CapstanParameters) -> list[CapstanParameters]:
     ]
 
 
+def _slow(times: Vector, knot_s: float) -> Vector:
+    """Orthonormal basis of slow paths: splines, but constant or straight with few knots."""
+    span = float(times[-1] - times[0])
+    if span < FEW_KNOTS * knot_s:
+        columns = np.column_stack([np.ones(len(times)), times - times[0]])
+        columns = columns[:, : 1 if span < knot_s else 2]
+    else:
+        columns = splines(times, knot_s)
+    basis: Vector = np.linalg.qr(columns)[0]
+    return basis
+
+
 def _residual(
     parameters: CapstanParameters, window: Window, rollout: CapstanRollout, basis: Vector
 ) -> Vector:
@@ -222,24 +273,31 @@ def _residual(
 
 def _step(search: Search, window: Window, residual: Vector, basis: Vector) -> CapstanParameters:
     """Return the parameters after a damped step, and renew their standard deviations."""
-    values, width = np.array(search.parameters), np.array(WIDTH)
+    values, root = np.array(search.parameters), search.root
     columns = []
     for n, changed in enumerate(_neighbours(search.parameters)):
         rollout = window.rollouts[1 + n if n < CABLE else 0]
         columns.append((_residual(changed, window, rollout, basis) - residual) / DELTA[n])
     # in units of the standard deviations, so that one damping suits all parameters
-    jacobian = np.column_stack(columns) * width / ERROR_RAD
+    jacobian = np.column_stack(columns) @ root / ERROR_RAD
     hessian = jacobian.T @ jacobian + np.eye(len(values))
-    gradient = jacobian.T @ (residual / ERROR_RAD) + (values - np.array(START)) / width
+    gradient = jacobian.T @ (residual / ERROR_RAD) + _away(search, search.parameters)
     damped = hessian + search.damping * np.diag(np.diag(hessian))
-    search.spread = CapstanParameters(*(width * np.sqrt(np.diag(np.linalg.inv(hessian)))).tolist())
-    moved = values - width * np.linalg.solve(damped, gradient)
+    covariance = root @ np.linalg.solve(hessian, root.T)
+    search.spread = CapstanParameters(*np.sqrt(np.diag(covariance)).tolist())
+    moved = values - root @ np.linalg.solve(damped, gradient)
     return CapstanParameters(*np.clip(moved, LOW, HIGH).tolist())
 
 
-def _cost(parameters: CapstanParameters, residual: Vector) -> float:
-    away = (np.array(parameters) - np.array(START)) / np.array(WIDTH)
-    return float((residual**2).sum() / ERROR_RAD**2 + (away**2).sum())
+def _cost(search: Search, parameters: CapstanParameters, residual: Vector) -> float:
+    away = _away(search, parameters)
+    return float((residual**2).sum() / ERROR_RAD**2 + away @ away)
+
+
+def _away(search: Search, parameters: CapstanParameters) -> Vector:
+    """Distance from the prior, in standard deviations."""
+    off = np.array(parameters) - np.array(search.prior)
+    return np.array(np.linalg.solve(search.root, off))
 
 
 def _misfit_rad(residual: Vector) -> float:

@@ -142,8 +142,8 @@ class Predictive:
         if observation.status is not Status.TRACKING:
             if observation.status is Status.LOST and memory.lost_s is None and memory.plays:
                 memory.lost_s = t
-                up_down, left_right = np.subtract(
-                    memory.target.at(t), memory.target.stays_at()
+                up_down, left_right = model.to_wires(
+                    np.subtract(memory.target.at(t), memory.target.stays_at())
                 ).tolist()
                 memory.heading = up_down, left_right
             model.tip_at(observation.t_capture, observation.turn)
@@ -176,11 +176,12 @@ class Predictive:
         if model.background:
             first, second = off.tolist()
             memory.error.update(exposed, (first, second), (ERROR_VARIANCE,) * 2, horizon_s)
-        apparent = np.array(place) - (off if model.background else 0.0)
+        apparent = model.to_wires(np.array(place) - (off if model.background else 0.0))
+        wires_offset = model.to_wires(offset).tolist()
         if memory.plays is None:
             start = model.bend.tolist()
             memory.plays = ReferencePlay(start[0]), ReferencePlay(start[1])
-        for play, seen, apart in zip(memory.plays, apparent.tolist(), offset.tolist(), strict=True):
+        for play, seen, apart in zip(memory.plays, apparent.tolist(), wires_offset, strict=True):
             off_axis = None if model.background else apart
             known = memory.cautious.place is None
             play.judge(exposed, seen, off_axis, memory.px_per_rad, known=known)
@@ -214,7 +215,7 @@ class Predictive:
         )
 
     def _desired(self, t: float, dt: float) -> tuple[Pair, Pair]:
-        """Bends that the model is to have, and a loop's crossing later [rad]."""
+        """Bends that the model is to have, and a loop's crossing later, in axes of the wires."""
         memory, model = self.memory, self.memory.model
         assert memory.plays is not None
         when = t + self._settings.lead_s
@@ -223,14 +224,15 @@ class Predictive:
                 memory.cautious.stop()
                 for play in memory.plays if not model.background else ():
                     play.learn_anew()
-            seen = memory.foreseen(when)
+            seen = model.to_wires(np.array(memory.foreseen(when))).tolist()
         else:
-            target = np.array(memory.target.stays_at())
+            target = model.to_wires(np.array(memory.target.stays_at()))
             place = memory.cautious.follow(t, target, model.bend, memory.off_rad)
             up_down, left_right = place.tolist()
             seen = [(up_down, left_right)] * len(PREVIEW_S)
-        slopes, widths = model.slopes.tolist(), model.widths.tolist()
-        early = handle_motion.foreseen_s(model.widths)
+        likely = model.likely_widths
+        slopes, widths = model.slopes.tolist(), likely.tolist()
+        early = handle_motion.foreseen_s(likely)
         wanted, soon = [], []
         for axis, play in enumerate(memory.plays):
             path = [place[axis] for place in seen]

@@ -106,7 +106,7 @@ class PredictiveMemory:
         """Let the predictions follow a change of the model, without a step of the handles.
 
         Args:
-            before: present bend by the old model, 2 [rad].
+            before: present bend by the old model, in axes of the wires, 2 [rad].
             noise_px: standard deviation of the target's coordinates [px].
         """
         model = self.model

@@ -46,6 +46,10 @@ RENEWAL = 0.5
 FORGET = 0.02
 """Factor on the evidence when the transmission has changed. Assumed."""
 
+SINCE_S = 1.5
+"""Time before a change is noticed from which on frames show it [s]. Assumed: latency and evidence.
+"""
+
 
 class TransmissionModel(ModelInUse):
     """The model in use, with the candidates and the evidence from which it is chosen.
@@ -62,8 +66,6 @@ class TransmissionModel(ModelInUse):
         self, t: float, handles: Pair, *, capstan: bool, dead_zones: bool, background: bool
     ) -> None:
         super().__init__(t, handles)
-        self.width_std = np.full(2, np.pi)
-        """Standard deviation of the mean loop width of each axis [rad]."""
         self.shift_s = self.shift_std_s = 0.0
         """Delay of the exposures relative to their believed times, and its std [s]."""
         self.frames: list[SeenFrame] = []
@@ -107,10 +109,7 @@ class TransmissionModel(ModelInUse):
         times += (since.t + SHIFTS_S).tolist() if since else []
         known = self.history.columns_at(np.array(times))
         columns, before = known[: len(SHIFTS_S) + 1], known[len(SHIFTS_S) + 1 :]
-        if self.capstan_used:
-            model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
-        else:
-            model = np.einsum("ak,ak->a", self.weights, columns[-1])
+        model: Vector = self.bends_at(np.array([t + self.shift_s]))[0]
         if turn is None or since is None:
             bend = model
             if self.background:
@@ -138,6 +137,7 @@ class TransmissionModel(ModelInUse):
             self.weights,
             self.capstan,
             self.history,
+            turn=self.turn_rad,
             background=self.background,
             capstan_used=self.capstan_used,
         )
@@ -153,16 +153,14 @@ class TransmissionModel(ModelInUse):
             return changed
         if self._count >= OLD and self._rivals.surprised(t):
             self._fit.discount(FORGET)
-            self.capstan.forget()
-            self.capstan_used = False
-            changed = True
+            self.capstan.changed(t - SINCE_S)
         every = OFTEN if self.background and self._count < YOUNG else SELDOM
         if not self.background and not self.known:
             every = SOON
         if self._count % every == 0:
             changed |= self._identify()
         elif self.background and self._count % 2:
-            self._fit.look_for_delay(self._options[1])
+            self._fit.look_for_delay(self._options[1], self.turn_rad)
         return changed
 
     def work(self) -> bool:
@@ -177,8 +175,15 @@ class TransmissionModel(ModelInUse):
         knot = DRIFT_KNOT_S if self.background else online_plays.KNOT_S
         replaced = self.capstan.work(self.history, rows, knot)
         used = self.capstan_used
-        if replaced and not used:
-            self._rivals.capstan_replaced()
+        if replaced:
+            self._rivals.capstan_replaced(
+                self.frames,
+                self.weights,
+                self.capstan,
+                self.history,
+                turn=self.turn_rad,
+                background=self.background,
+            )
         if self.capstan.ready(self.history):
             self.capstan_used = self._rivals.capstan_earns(used) and self.known
         changed = self.capstan_used is not used or (replaced and used)
@@ -191,14 +196,17 @@ class TransmissionModel(ModelInUse):
         turned = [frame.turned for frame in self.frames[-50:]]
         seen = sum(turned) > len(turned) / 2
         if self._fit.count > model_belief.TRUST_FRAMES and self._count % SELDOM == 0:
-            self._trusted = model_belief.handles_explain(self._fit, self.shift_s)
+            self._trusted = model_belief.handles_explain(self._fit, self.shift_s, self.turn_rad)
         before, self.background = self.background, seen and self._trusted and self._options[2]
         return self.background is not before
 
     def _identify(self) -> bool:
         """Fit the columns; return whether those in use changed."""
         moved = [self._fit.moved(axis) > EXCITED_RAD**2 for axis in range(2)]
+        turn = self.turn_rad
         if self.background:
+            if any(moved):
+                self.turn_rad = self._fit.look_for_turn(self.shift_s, self._options[1], turn)
             for axis in range(2):
                 if moved[axis]:
                     self._fit_axis(axis)
@@ -214,14 +222,15 @@ class TransmissionModel(ModelInUse):
             self.weights = self._rivals.chosen()
         if self.background and self._count % SELDOM == 0 and any(moved) and not self.capstan_used:
             self._find_shift()
-        return not np.array_equal(before, self.weights) and not self.capstan_used
+        same = np.array_equal(before, self.weights) and turn == self.turn_rad
+        return not same and not self.capstan_used
 
     def _fit_axis(self, axis: int) -> None:
-        plays = self._fit.solve(axis, self.shift_s, dead_zones=False)
+        plays = self._fit.solve(axis, self.shift_s, False, self.turn_rad)
         self._rivals.candidates[axis, 1] = self._rivals.candidates[axis, 2] = plays.weights
         if self._options[1]:
             self._rivals.candidates[axis, 2] = self._fit.solve(
-                axis, self.shift_s, dead_zones=True
+                axis, self.shift_s, True, self.turn_rad
             ).weights
         self.width_std[axis] = plays.width_std
 

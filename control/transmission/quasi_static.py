@@ -171,7 +171,7 @@ class Axis:
                 slope += k_w * pull * pull * (1.0 if sliding is None else 1 / (1 + sliding))
             return missing, slope
 
-        bend = _root(balance, self.bend_rad)
+        bend = _root(balance, self.bend_rad + self._step_rad)
         self._handle_rad = handle_rad
         self._step_rad, self.bend_rad = bend - self.bend_rad, bend
         give = bend - self._yielded
