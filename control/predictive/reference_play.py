@@ -32,7 +32,7 @@ MEAN_S = 10.0
 LAG = 0.6
 """Distance behind the prediction while following it, in r [1]. Source: tuned on random motions;
 1 is a plain play."""
-PRICE_RAD_S = 0.8
+PRICE_RAD_S = 0.5
 """Travel of the handle per second that is worth a mean squared error e times smaller [rad/s].
 Assumed: breathing of 10 mm is followed, a heartbeat of 1.5 mm is not."""
 MEMORY_S = 10.0
