@@ -200,7 +200,10 @@ class Predictive:
         assert memory.plays is not None
         if memory.lost_s is not None:
             last = memory.plays[0].place, memory.plays[1].place
-            place = target_search.place(last, memory.heading, t - memory.lost_s, self._half_view)
+            usual = memory.plays[0].usual, memory.plays[1].usual
+            place = target_search.place(
+                last, usual, memory.heading, t - memory.lost_s, self._half_view
+            )
             wanted = soon = place
             speeds = (target_search.HANDLE_SPEED_RAD_S,) * 2
         else:

@@ -84,6 +84,11 @@ class ReferencePlay:
         return self._place
 
     @property
+    def usual(self) -> float:
+        """Mean place of the target over the last `MEAN_S` or so [rad]."""
+        return self._places[-1]
+
+    @property
     def direction(self) -> float:
         """Direction of its last motion: 1, -1, or 0 before any."""
         return self._direction

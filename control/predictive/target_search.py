@@ -1,4 +1,4 @@
-"""Where a lost target is looked for: where it was seen last, then around it, in one calm spiral.
+"""Where a lost target is looked for: where it was last, then around it, then where it usually was.
 
 The tip returns to the last place and waits there, since most targets are hidden for a moment or
 come back. Then it winds outwards by one turn and inwards by another, at constant speed,
@@ -6,8 +6,9 @@ come back. Then it winds outwards by one turn and inwards by another, at constan
     place = last + r (cos(phi_0 + phi), sin(phi_0 + phi)),
     r = R phi / (2 pi) up to 2 pi, then R (2 - phi / (2 pi)) up to 4 pi,
 
-and stays at the last place for good. R is a fraction of the camera's field of view, so the last
-place remains in the picture all the time: a target that comes back there is never missed.
+and does the same at the mean of the places where the target was, where it stays for good. R is a
+fraction of the camera's field of view, so the middle of a spiral remains in the picture all the
+time: a target that comes back there is never missed.
 """
 
 from __future__ import annotations
@@ -39,12 +40,13 @@ def half_view_rad(calibration: Calibration) -> float:
     return min(camera_model.off_axis_angle(calibration, edge) for edge in edges)
 
 
-def place(last: Pair, heading: Pair, lost_s: float, half_view: float) -> Pair:
+def place(last: Pair, usual: Pair, heading: Pair, lost_s: float, half_view: float) -> Pair:
     """Return the bend at which to look for the target.
 
     Args:
         last: bend that aims at where the target was last seen [rad].
-        heading: direction in which the spiral begins, of any length; (0, 0) for any.
+        usual: bend that aims at the mean of its places [rad].
+        heading: direction in which the spirals begin, of any length; (0, 0) for any.
         lost_s: time since the target was lost [s].
         half_view: from `half_view_rad` [rad].
 
@@ -52,14 +54,16 @@ def place(last: Pair, heading: Pair, lost_s: float, half_view: float) -> Pair:
         The bend [rad]; its norm is at most `LARGEST_BEND_RAD`.
     """
     radius = VIEW_SHARE * half_view
-    length = SPEED_RAD_S * (lost_s - WAIT_S)
     whole = _length(2 * pi, radius)
+    first = WAIT_S + 2 * whole / SPEED_RAD_S
+    middle, since_s = (last, lost_s) if lost_s < first else (usual, lost_s - first)
+    length = SPEED_RAD_S * (since_s - WAIT_S)
     if not 0 < length < 2 * whole:
-        return _within_reach(last)
+        return _within_reach(middle)
     angle = _angle(min(length, 2 * whole - length), radius)
     r = radius * angle / (2 * pi)
     turned = atan2(heading[1], heading[0]) + (angle if length < whole else 4 * pi - angle)
-    return _within_reach((last[0] + r * cos(turned), last[1] + r * sin(turned)))
+    return _within_reach((middle[0] + r * cos(turned), middle[1] + r * sin(turned)))
 
 
 def duration_s(half_view: float) -> float:
@@ -68,7 +72,7 @@ def duration_s(half_view: float) -> float:
     Args:
         half_view: from `half_view_rad` [rad].
     """
-    return WAIT_S + 2 * _length(2 * pi, VIEW_SHARE * half_view) / SPEED_RAD_S
+    return 2 * (WAIT_S + 2 * _length(2 * pi, VIEW_SHARE * half_view) / SPEED_RAD_S)
 
 
 def _length(angle: float, radius: float) -> float:

@@ -21,7 +21,7 @@ views = st.floats(0.2, 1.2)
 
 def _path(last: Pair, heading: Pair, view: float) -> np.ndarray:
     times = np.arange(0.0, target_search.duration_s(view) + 1.0, PERIOD_S)
-    return np.array([target_search.place(last, heading, t, view) for t in times.tolist()])
+    return np.array([target_search.place(last, last, heading, t, view) for t in times.tolist()])
 
 
 def test_half_the_field_of_view_is_that_of_the_nearer_edges() -> None:
@@ -54,14 +54,27 @@ def test_the_last_place_stays_in_the_picture_and_the_search_ends_there(
     assert away.max() <= target_search.VIEW_SHARE * view + 1e-9
     assert away.max() > 0.9 * target_search.VIEW_SHARE * view  # ticks miss the outermost point
     assert away[-40:] == pytest.approx(0.0, abs=1e-12)  # the last second lies after its end
-    later = target_search.place(last, heading, 1e4, view)
+    later = target_search.place(last, last, heading, 1e4, view)
     assert later == pytest.approx(last, abs=1e-12)
+
+
+@given(bends, bends, directions, views)
+def test_it_is_repeated_where_the_target_usually_was(
+    last: Pair, usual: Pair, heading: Pair, view: float
+) -> None:
+    half = target_search.duration_s(view) / 2
+    times = np.arange(0.01, half, PERIOD_S)
+    around_last = [target_search.place(last, usual, heading, t, view) for t in times.tolist()]
+    again = [target_search.place(last, usual, heading, half + t, view) for t in times.tolist()]
+    shift = np.subtract(usual, last)
+    assert np.array(again) == pytest.approx(np.array(around_last) + shift, abs=1e-9)
+    assert target_search.place(last, usual, heading, 1e4, view) == pytest.approx(usual, abs=1e-12)
 
 
 @given(st.floats(0, 2 * pi), views)
 def test_it_begins_where_the_target_went(angle: float, view: float) -> None:
     heading = float(np.cos(angle)), float(np.sin(angle))
-    first = target_search.place((0.0, 0.0), heading, target_search.WAIT_S + 0.02, view)
+    first = target_search.place((0.0, 0.0), (1.0, 1.0), heading, target_search.WAIT_S + 0.02, view)
     # 6 mrad along the spiral its direction has turned by at most 6 mrad / (R/2 pi), R >= 0.07 rad
     assert np.dot(first, heading) > 0.8 * hypot(*first) > 0  # cos 0.54 = 0.86
 
