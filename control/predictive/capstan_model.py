@@ -31,8 +31,8 @@ CATCH_UP = 12
 KEEP_S = 1.0
 """Time between stored states [s]."""
 RELEARN_S, SHORT_S = 15.0, 8.0
-"""Time after a change for which the search does not slow down, and length of the window then [s]. Assumed: three
-turns and two."""
+"""Time after a change for which the search does not slow down, and length of the window then [s].
+Assumed: three turns of the target, and less than two."""
 NUDGE_RAD = 1e-3
 """Change of the bend with which the width of a loop is found [rad]."""
 STEPS, LONG_S = 3, 6.0

@@ -45,10 +45,9 @@ RENEWAL = 0.5
 """Fraction of the step from the old to the found delay. Assumed."""
 FORGET = 0.02
 """Factor on the evidence when the transmission has changed. Assumed."""
-
 SINCE_S = 1.5
-"""Time before a change is noticed from which on frames show it [s]. Assumed: latency and evidence.
-"""
+"""Time before a change is noticed from which on frames show it [s]. Assumed: latency and the
+time until it is noticed."""
 
 
 class TransmissionModel(ModelInUse):
