@@ -40,8 +40,8 @@ LAWS = (
     *("still", "pi", "pi_hc", "ik", "pi_simc", "pi_simc_hc", "ik_sync", "smith", "repetitive"),
     *("predictive", LOCK, "oracle"),
 )
-FEW = ("still", "pi", "pi_hc", "pi_simc", "ik_sync", LOCK)
-"""Controllers of the larger tables: holding still, and five that move."""
+FEW = ("still", "pi", "pi_simc", "ik_sync", LOCK)
+"""Controllers of the larger tables: holding still, and four that move."""
 NOMINAL_S = 0.4
 LATENCIES = (0.06, 0.2, NOMINAL_S, 0.8)
 """Latencies [s]; runs with that of the scenarios are those of the other parts."""
