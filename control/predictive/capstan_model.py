@@ -2,6 +2,8 @@
 
 The search (control/predictive/online_capstan.py) works on a window of the past. Its result is
 simulated up to the present, a few ticks per tick, and then replaces the model that is followed.
+States on the way are stored, so that the next window starts exactly. After a change of the
+transmission windows start there.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from endolock.control.predictive import online_capstan
 from endolock.control.predictive.capstan_rollout import CapstanRollout
 from endolock.control.predictive.handle_history import ROOM, HandleHistory
-from endolock.control.predictive.online_capstan import Search
+from endolock.control.predictive.online_capstan import Search, Stored
 from endolock.control.transmission.kinematics import Pair
 from endolock.hw.api import Vector
 
@@ -48,15 +50,15 @@ class CapstanModel:
     """Search for the parameters."""
     followed: CapstanRollout | None = None
     """The model that follows the handles."""
-    _since_s: float | None = None
     fitted_s: float = 0.0
     """End of the window from which it was found [s]."""
+    _since_s: float | None = None  # of the last change of the transmission
     _bends: Vector = field(default_factory=lambda: np.zeros((ROOM, 2)))
     _count: int = 0
     _catching_up: CapstanRollout | None = None
     _caught_up_s: float = 0.0
-    _kept: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
-    _found_states: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
+    _kept: list[Stored] = field(default_factory=list)
+    _found: list[Stored] = field(default_factory=list)
 
     @property
     def bends(self) -> Vector:
@@ -134,7 +136,7 @@ class CapstanModel:
             past = [(float(up_down), float(left_right)) for up_down, left_right in bends]
             self._catching_up = CapstanRollout(found.parameters, found.states, past)
             self.fitted_s = self._caught_up_s = window.ticks[-1]
-            self._found_states = window.stored
+            self._found = window.stored
         return False
 
     def changed(self, t: float) -> None:
@@ -184,8 +186,8 @@ class CapstanModel:
         if last < len(times):
             return False
         self.followed = CapstanRollout(capstan.parameters, capstan.states)
-        found_s = self._found_states[0][0] if self._found_states else np.inf
-        self._kept = [kept for kept in self._kept if kept[0] < found_s] + self._found_states
+        since = self._found[0][0] if self._found else np.inf
+        self._kept = [kept for kept in self._kept if kept[0] < since] + self._found
         self._catching_up = None
         self._count = 0
         self._keep(capstan.bends[-min(len(times), ROOM // 2) :])

@@ -111,6 +111,9 @@ MOST_DAMPING = 1e6
 GROW, SHRINK = 8.0, 0.3
 """Factors on the damping after a step that raises and one that lowers the cost."""
 
+Stored = tuple[float, tuple[list[float], list[float]]]
+"""A time [s] and the states of both axes then."""
+
 
 @dataclass
 class Window:
@@ -130,7 +133,7 @@ class Window:
     """States of the axes before the first tick; empty at rest."""
     knot_s: float
     """Spacing of the knots of the slow path [s]."""
-    stored: list[tuple[float, tuple[list[float], list[float]]]] = field(default_factory=list)
+    stored: list[Stored] = field(default_factory=list)
     """Times and states of the simulation with the step, on the way [s]."""
     rollouts: list[CapstanRollout] = field(default_factory=list)
     """Simulations with the best parameters, with each of them changed, and with the step."""
