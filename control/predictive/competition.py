@@ -90,6 +90,8 @@ class Competition:
             by_capstan = change - _capstan_changes([parts], capstan, history)[0]
             self.by_capstan += since * (float(by_capstan @ by_capstan) - self.by_capstan)
             by_used = by_capstan if capstan_used else by_columns
+        else:  # it was never compared
+            self.by_capstan = self.by_columns
         self.recent += min(8 * share, 1.0) * (float(by_used @ by_used) - self.recent)
         self.usual += min(share / 5, 1.0) * (float(by_used @ by_used) - self.usual)
 
