@@ -89,7 +89,7 @@ def test_the_delay_is_where_the_residual_is_least(late_s: float) -> None:
     fit = _fitted(true, late_s=late_s)
     assert fit.delay(0.0) is None  # before all of them were looked at
     for _ in SHIFTS_S:
-        fit.look_for_delay(dead_zones=True)
+        fit.look_for_delay(dead_zones=True, turn=0.0)
     found = fit.delay(0.0)
     assert found is not None
     # columns between the compared delays are interpolated, and corners of strokes are not parabolas
@@ -144,6 +144,6 @@ def test_discounted_evidence_gives_way_to_new() -> None:
 
 def test_what_did_not_move_is_said() -> None:
     fit = IncrementFit()
-    assert fit.moved(0) == fit.explained(1) == 0.0
+    assert fit.moved(0) == fit.turned(1) == 0.0
     fit = _fitted(_weights(c4=0.9))
-    assert fit.moved(0) > fit.explained(0) > 0.01
+    assert fit.moved(0) > fit.turned(0) > 0.01

@@ -45,9 +45,9 @@ def _evidence(scale: float, unrelated: float) -> IncrementFit:
 def test_the_background_is_believed_if_the_handles_explain_it(
     scale: float, unrelated: float, believed: bool
 ) -> None:
-    assert model_belief.handles_explain(_evidence(scale, unrelated), 0.0) is believed
+    assert model_belief.handles_explain(_evidence(scale, unrelated), 0.0, 0.0) is believed
 
 
 def test_a_background_that_hardly_turns_is_not_judged() -> None:
-    assert model_belief.handles_explain(_evidence(0.0, 0.001), 0.0)
-    assert model_belief.handles_explain(IncrementFit(), 0.0)
+    assert model_belief.handles_explain(_evidence(0.0, 0.001), 0.0, 0.0)
+    assert model_belief.handles_explain(IncrementFit(), 0.0, 0.0)

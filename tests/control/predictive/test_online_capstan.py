@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from endolock.control.predictive import online_capstan
+from endolock.control.predictive.capstan_model import rotation
 from endolock.control.predictive.capstan_rollout import CapstanParameters, CapstanRollout
 from endolock.control.predictive.online_capstan import CABLE, START, Search
 from endolock.control.transmission.quasi_static import Axis, Cable, Geometry
@@ -85,25 +86,98 @@ def _frames(t: Vector, handles: Vector) -> list[tuple[float, float, float]]:
     return [(float(e), float(x), float(y)) for e, (x, y) in zip(exposed, off, strict=True)]
 
 
-def _searched(steps: int = 14) -> tuple[Search, int]:
+def _searched(steps: int) -> Search:
     t = np.arange(0.0, 27.0, 0.02)
     handles = _exercise(t)
     frames = _frames(t, handles)
-    search, slices = Search(), 0
+    search = Search()
     for _ in range(steps):
         online_capstan.begin(search, t, handles, frames, ([], []))
         while search.window is not None:
             online_capstan.work(search)
-            slices += 1
-    return search, slices
+    return search
 
 
-def test_the_search_identifies_the_plant_from_the_frames() -> None:
-    search, _ = _searched()
+def _bends(parameters: CapstanParameters) -> Vector:
+    """Bends on strokes that no search has seen, without their mean, n x 2 [rad]."""
+    t = np.arange(0.0, 20.0, 0.02)
+    up_down, left_right = _exercise(t).T
+    rollout = CapstanRollout(parameters, ([], []))
+    rollout.follow(
+        [(0.8 * b, -a) for a, b in zip(up_down.tolist(), left_right.tolist(), strict=True)]
+    )
+    bends = np.array(rollout.bends)
+    centred: Vector = bends - bends.mean(axis=0)
+    return centred
+
+
+def test_the_search_identifies_the_bends_from_the_frames() -> None:
+    search = _searched(14)
     assert search.misfit_rad < 0.003  # the splines' residual of the target
+    # of bends of 0.3 rad rms: a pixel
+    assert np.std(_bends(search.parameters) - _bends(TRUE), axis=0).max() < 0.004
+
+
+def test_the_search_identifies_the_parameters_where_it_ends() -> None:
+    search = _searched(30)
     # shapes are determined, the slope hardly: stiffness and slack compensate for each other
     assert search.parameters.conduit_exponent == pytest.approx(TRUE.conduit_exponent, abs=0.1)
     assert search.parameters[CABLE:] == pytest.approx(TRUE[CABLE:], abs=0.01)
+
+
+def test_states_stored_along_a_window_are_those_of_the_simulation_from_its_start() -> None:
+    t = np.arange(0.0, 12.0, 0.02)
+    handles, found, search = _exercise(t), None, Search()
+    online_capstan.begin(search, t, handles, _frames(t, handles), ([], []))
+    window = search.window
+    assert window
+    while search.window is not None:
+        found = online_capstan.work(search)
+    assert found
+    assert window.stored[-1] == (window.ticks[-1], found.states)
+    again, done = CapstanRollout(found.parameters, ([], [])), 0
+    for at, states in window.stored:
+        samples = int(np.searchsorted(t[window.kept], at - 1e-9)) + 1
+        again.follow(window.course[done:samples])
+        done = samples
+        assert again.states == states
+    assert again.bends == found.bends
+
+
+def _friction(parameters: CapstanParameters, times: float) -> CapstanParameters:
+    return parameters._replace(
+        conduit_exponent=times * parameters.conduit_exponent,
+        section_friction=times * parameters.section_friction,
+    )
+
+
+@pytest.mark.parametrize("window_s", [1.5, 3.0])
+@pytest.mark.parametrize("times", [2.0, 1.5, 0.5])
+def test_changed_friction_is_found_from_a_short_window(times: float, window_s: float) -> None:
+    """All else stays as it was found; the bend itself is measured, without noise."""
+    t = np.arange(0.0, 12.0 + window_s, 0.02)
+    handles = _exercise(t)
+    first = int(np.searchsorted(t, 12.0 - 1e-9))
+    before = CapstanRollout(TRUE, ([], []))
+    before.follow([(a, b) for a, b in handles[:first].tolist()])
+    after = CapstanRollout(_friction(TRUE, times), before.states)
+    after.follow([(a, b) for a, b in handles[first:].tolist()])
+    exposed = np.arange(12.0, float(t[-1]) - 0.06, 0.04)
+    late = exposed + TRUE.shift_s
+    bends = [np.interp(late, t[first:], column) for column in np.array(after.bends).T]
+    off = -np.column_stack(bends) @ rotation(TRUE.video_turn_rad)
+    frames = [(e, a, b) for e, (a, b) in zip(exposed.tolist(), off.tolist(), strict=True)]
+    search = online_capstan.after_change(TRUE)
+    for _ in range(8):
+        online_capstan.begin(search, t[first:], handles[first:], frames, before.states, 6.0)
+        while search.window is not None:
+            online_capstan.work(search)
+    expected = _friction(TRUE, times)
+    # the section's friction is told from the conduit's by the bends at which the loops widen
+    assert search.parameters.conduit_exponent == pytest.approx(expected.conduit_exponent, rel=0.03)
+    assert search.parameters.section_friction == pytest.approx(expected.section_friction, rel=0.05)
+    off_rest = np.subtract(search.parameters[2:], TRUE[2:]) / online_capstan.CHANGED_WIDTH[2:]
+    assert np.abs(off_rest).max() < 0.2  # of what their prior allows
 
 
 def test_a_step_never_raises_the_cost() -> None:
