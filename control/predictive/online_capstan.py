@@ -176,7 +176,7 @@ def after_change(found: CapstanParameters) -> Search:
     both = np.zeros(len(found))
     both[:2] = CHANGED_FRICTION * np.array(found[:2])  # friction, of conduit and section alike
     covariance = np.diag(np.square(CHANGED_WIDTH)) + np.outer(both, both)
-    root: Vector = np.linalg.cholesky(covariance)
+    root: Vector = np.linalg.cholesky(covariance).astype(float)
     return Search(found, prior=found, root=root)
 
 
