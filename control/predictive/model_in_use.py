@@ -95,7 +95,9 @@ class ModelInUse:
         return float(times[0])
 
     def follow(self, t: float, handles: Pair) -> None:
-        """Run all models on measured handle angles."""
+        """Run all models on measured handle angles [rad]; ones that are not newer are ignored."""
+        if t <= self.history.times[-1]:
+            return
         self.history.follow(t, handles)
         self.capstan.follow(self.history)
         if self.capstan_used and t >= self._widths_due_s:

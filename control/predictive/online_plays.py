@@ -143,7 +143,7 @@ def _fit(free: Vector, rest: Vector) -> IdentifiedAxis:
     weights = np.zeros(COLUMNS)
     weights[:k] = nnls(root.T, np.linalg.solve(root, aim))[0]
     misfit = float(np.mean((some @ weights[:k] - rest) ** 2))
-    total = weights.sum()
+    total = max(float(weights.sum()), 1e-6)  # 0 where the tip seems to turn the wrong way
     gradient = 2 * (HALF_WIDTHS[:k] - (weights @ HALF_WIDTHS) / total) / total
     # The errors of neighbouring frames are alike: about one in every other knot is independent.
     spread = np.sqrt(ALIKE * misfit) * np.linalg.norm(np.linalg.solve(root, gradient))

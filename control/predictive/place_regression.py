@@ -87,12 +87,14 @@ class PlaceRegression:
             past: all places, that of `t` included.
             t: time of the newest place [s].
             variance: its variance on each axis [rad2].
-            horizon_s: time ahead that will be asked for [s].
+            horizon_s: time ahead that will be asked for [s]; below 0 where an exposure is
+                believed to be later than now.
         """
         if self._origin is None:
             self._origin = past.places[:, -1].copy()
         self._variance = np.array(variance)
-        steps = int(np.ceil((horizon_s + PREVIEW_S) / HORIZON_STEP_S - 1e-9)) + 1
+        ahead_s = max(horizon_s, 0.0) + PREVIEW_S
+        steps = int(np.ceil(ahead_s / HORIZON_STEP_S - 1e-9)) + 1
         if steps > len(self._ahead):
             self._ahead, self._weights = HORIZON_STEP_S * np.arange(steps), None
             self.relearn(past)
@@ -132,7 +134,7 @@ class PlaceRegression:
         if self._path is None:
             return None
         path = self._path[axis]
-        where = min(dt / HORIZON_STEP_S, len(path) - 1.0)
+        where = min(max(dt / HORIZON_STEP_S, 0.0), len(path) - 1.0)
         n = min(int(where), len(path) - 2)
         u = where - n
         one, two = path[n], path[n + 1]

@@ -111,6 +111,22 @@ def test_bends_of_a_capstan_are_known_from_its_start_on() -> None:
     assert model.since_s == 0.0
 
 
+def test_a_state_that_comes_twice_moves_no_model_along() -> None:
+    """Else the bends of the capstan would belong to later ticks than they are taken for."""
+    once, twice = _model(WIDE, WIDE), _model(WIDE, WIDE)
+    for model in (once, twice):
+        _follow(model, 2.0)
+        _use_capstan(model, 2.0)
+    for n in range(1, 101):
+        t = 2.0 + n * DT
+        handles = 0.4 * float(np.sin(3 * t)), 0.3 * float(np.cos(2 * t))
+        once.follow(t, handles)
+        for _ in range(2):
+            twice.follow(t, handles)
+    times = np.linspace(2.5, 4.0, 40)
+    assert twice.bends_at(times).tolist() == once.bends_at(times).tolist()
+
+
 def test_errors_of_a_new_model_are_told_of_times_at_which_its_bends_are_known() -> None:
     """Measured are the bends of the capstan itself, so that it has no error to be predicted."""
     memory = predictive_memory.fresh(PredictiveSettings(), 0.0, (0.0, 0.0))

@@ -54,6 +54,19 @@ def test_weights_and_latency_are_identified_from_frames(noise: float, dead_zones
     assert not one.allows(0.95 * np.eye(COLUMNS)[0], 5.0)
 
 
+def test_a_tip_that_turns_the_wrong_way_gets_no_weights_but_a_finite_width() -> None:
+    handle = 0.6 * np.sin(1.1 * TICKS) + 0.3 * np.sin(5.3 * TICKS)
+    history = _history(handle)
+    seen = history.columns_at(FRAMES)[:, :, 5]  # the offset rises with the bend instead of falling
+    found = online_plays.identify(FRAMES, seen, history, 0.0, dead_zones=True)
+    assert found is not None
+    for one in found.axes:
+        assert one is not None
+        assert not one.weights.any()
+        assert not one.loop.evident
+        assert np.isfinite(one.width_std)
+
+
 def test_a_handle_at_rest_identifies_nothing() -> None:
     seen = np.random.default_rng(0).standard_normal((len(FRAMES), 2))
     history = _history(np.zeros(len(TICKS)))

@@ -95,6 +95,20 @@ def strokes(t: float) -> Pair:
     return 0.3 * (1 - cos(2 * pi * t / 8.6)), 0.0
 
 
+@pytest.mark.parametrize("horizon_s", [-0.1, -0.22, -0.5])
+def test_with_exposures_believed_later_than_now_the_target_is_where_it_was_seen(
+    horizon_s: float,
+) -> None:
+    prediction = fresh()
+    for n in range(250):
+        t = n * FRAME_S
+        prediction.update(t, strokes(t), (PX**2,) * 2, horizon_s)
+        prediction.work()
+    # never further off than it moved within the same time
+    moved = abs(strokes(t)[0] - strokes(t + horizon_s)[0])
+    assert abs(prediction.at(t + horizon_s)[0] - strokes(t)[0]) < 2 * moved + PX
+
+
 def jump(t: float) -> Pair:
     """2 cm within 1 s at 12 cm."""
     return 0.1 * min(max(t - 8.0, 0.0), 1.0), 0.0
