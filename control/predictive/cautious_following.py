@@ -1,8 +1,9 @@
 """Slow following of the target while neither background nor model can be relied on.
 
 Prediction without a model of hysteresis oscillates, and a wrong model loses the target. The place
-to look at follows the target with a time constant of twice the latency, so that the loop is stable
-without a model. Far from the axis it follows at once: a handle that goes far passes its loop.
+to look at follows the target with a time constant of more than twice the latency, so that the loop
+is stable without a model. Far from the axis it follows at once: a handle that goes far passes its
+loop.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from endolock.hw.api import Vector
 
 CAUTION_S, CAUTIOUS_RAD = 1.0, (0.07, 0.15)
 """Time constant with which the target is followed while the model is not known [s], and offsets
-from the axis up to which this holds and from which on it is followed at once [rad]. Assumed: twice
-the latency."""
+from the axis up to which this holds and from which on it is followed at once [rad]. Assumed: more
+than twice a latency of 0.4 s."""
 
 
 @dataclass

@@ -214,5 +214,5 @@ class IncrementFit:
 
 
 def prepare() -> None:
-    """Load the modules that `IncrementFit` needs, which takes too long for a tick."""
+    """Load what fits of weights need, which takes half a second, too long for a tick."""
     import scipy.optimize  # noqa: F401

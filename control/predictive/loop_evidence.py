@@ -26,7 +26,7 @@ ALIKE = 40.0
 SLOPES, SLOPE_RIDGE = (0.6, 1.4), 1e-3
 """Range of the slope relative to the prior's, and weight of the prior's slope. Assumed."""
 LEAST_RAD2 = 2e-7
-"""Residual below which widths are not compared [rad2]. Assumed: half a pixel at the noise of
+"""Residual below which widths are not compared [rad2]. Assumed: 0.2 px at 12 cm, about the noise of
 markers."""
 CLEARLY, NEARLY = 5.0, 2.0
 """L from which a model is out of the question, and up to which one is possible [1]: odds of 150,

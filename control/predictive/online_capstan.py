@@ -94,8 +94,8 @@ DELTA = CapstanParameters(
 )
 """Steps for the derivatives."""
 ERROR_RAD = 0.02
-"""s, assumed error of the model [rad]: five pixels, although it is about one, because the errors of
-neighbouring frames are correlated. Source: tuned on the default instrument."""
+"""s, assumed error of the model [rad]: 7.5 px at 12 cm, although it is about one pixel, because the
+errors of neighbouring frames are correlated. Source: tuned on the default instrument."""
 FEW_KNOTS = 2.0
 """Number of knots below which a slow path is straight [1]: a spline would take up all motion."""
 STEP_RAD, MAX_STEPS = 0.02, 350
@@ -157,8 +157,6 @@ class Search:
     """p0."""
     root: Vector = field(default_factory=lambda: np.diag(WIDTH))
     """A root of the covariance of the prior: p = p0 + root u with u of unit variance, 7 x 7."""
-    spread: CapstanParameters = WIDTH
-    """Standard deviations of the parameters."""
     damping: float = 0.3
     """Levenberg-Marquardt damping [1]."""
     misfit_rad: float = LARGE_RAD
@@ -276,7 +274,7 @@ def _residual(
 
 
 def _step(search: Search, window: Window, residual: Vector, basis: Vector) -> CapstanParameters:
-    """Return the parameters after a damped step, and renew their standard deviations."""
+    """Return the parameters after a damped step."""
     values, root = np.array(search.parameters), search.root
     columns = []
     for n, changed in enumerate(_neighbours(search.parameters)):
@@ -287,8 +285,6 @@ def _step(search: Search, window: Window, residual: Vector, basis: Vector) -> Ca
     hessian = jacobian.T @ jacobian + np.eye(len(values))
     gradient = jacobian.T @ (residual / ERROR_RAD) + _away(search, search.parameters)
     damped = hessian + search.damping * np.diag(np.diag(hessian))
-    covariance = root @ np.linalg.solve(hessian, root.T)
-    search.spread = CapstanParameters(*np.sqrt(np.diag(covariance)).tolist())
     moved = values - root @ np.linalg.solve(damped, gradient)
     return CapstanParameters(*np.clip(moved, LOW, HIGH).tolist())
 

@@ -33,8 +33,6 @@ KNOT_S = 0.8
 Assumed."""
 RIDGE, SLOPE_RIDGE = 2e-5, 1e-3
 """Weights of the prior. Source: tuned on the default instrument."""
-WINDOW_S = 25.0
-"""Length of the window [s]."""
 EXCITED_RAD = 0.15
 """Motion within the window below which an axis is not identified [rad]."""
 SHIFTS_S = (-0.04, -0.02, 0.0, 0.02, 0.04)
@@ -74,11 +72,6 @@ class IdentifiedPlays(NamedTuple):
     """How much less likely the present shift is [1]."""
     axes: tuple[IdentifiedAxis | None, IdentifiedAxis | None]
     """Each axis; None where the handle did not move."""
-
-
-def prepare() -> None:
-    """Load the modules that `identify` needs, which takes half a second, too long for a tick."""
-    import scipy.optimize  # noqa: F401
 
 
 def identify(
@@ -129,7 +122,7 @@ def _fit(free: Vector, rest: Vector) -> IdentifiedAxis:
         free: what is not smooth in the columns, n x k [rad].
         rest: what is not smooth in the bend, n [rad].
     """
-    from scipy.optimize import nnls  # see prepare
+    from scipy.optimize import nnls  # see increment_fit.prepare
 
     count = len(rest)
     loop = loop_evidence.weigh(free, rest, BEND_PER_HANDLE)

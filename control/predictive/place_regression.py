@@ -39,7 +39,7 @@ FIRST_RAD = 0.05
 SCALE_RAD = 0.1
 """The constant regressor [rad]: of the size of the others, since they share a ridge."""
 LEAST_ROWS = 40
-"""Number of rows before it predicts [1]: as many seconds of motion as it looks back."""
+"""Number of rows before it predicts [1]: 1.6 s of frames, a little less than it looks back."""
 LEARN_EVERY = 3
 """Number of updates after which new rows are learnt and the weights computed again [1]."""
 PREVIEW_S = 0.35

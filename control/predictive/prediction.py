@@ -3,7 +3,7 @@
 The predictors of an axis: it stays (a random walk); it continues at its velocity, estimated slowly
 and quickly; a regression on its recent past; a periodic curve with overtones; and the place one
 period ago. They are blended by their errors out of sample (see `prediction_blend`), and none moves
-the target further than it was seen to move within the horizon.
+the target further than `REACH` times what it was seen to move within the horizon.
 
 Example:
     prediction = TargetPrediction(

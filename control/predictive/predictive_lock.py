@@ -83,7 +83,7 @@ class Predictive:
         return self.memory.signals
 
     def reset(self, state: State) -> None:
-        """Start from nothing at the present handle angles, with the plays centred on them."""
+        """Start from nothing, with the plays centred on the present goals of the handles."""
         self._wiring = WiringCheck(self._geometry)
         self.memory = predictive_memory.fresh(
             self._settings, state.t, (state.goal[0], state.goal[1])

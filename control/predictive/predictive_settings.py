@@ -34,8 +34,8 @@ class PredictiveSettings:
     """Smallest standard deviation of target_px [px], 0.001 to 1000. Assumed: five times that of
     markers."""
     latency_uncertainty_s: Annotated[float, bounded(0, 5, "s")] = 0.02
-    """Standard deviation of exposure times [s], 0 to 5: frames count less while the handles move.
-    Assumed."""
+    """Standard deviation of exposure times [s], 0 to 5: frames count less while the handles move,
+    without a background. Assumed."""
     lead_s: Annotated[float, bounded(0, 5, "s")] = LAG_S + COMMAND_DELAY_S
     """Delay from command to motion [s], 0 to 5: servo, tip, one and a half control periods."""
     capstan: StrictBool = True

@@ -51,6 +51,9 @@ DOUBT = 0.7
 not known [1]. Assumed: a factor of two."""
 SETTLE_S = 3.0
 """Time for which new predictions are not judged [s]. Assumed."""
+FRAME_S = 0.04
+"""Time for which one judgement counts [s]. Assumed: 25 frames per second; at more of them the times
+above are shorter than stated."""
 LEAST_RAD = 1e-9
 """Motion that shows a turn [rad]."""
 
@@ -156,9 +159,8 @@ class ReferencePlay:
             due = self._said.popleft()
         if due is None or t - due[0] > 0.1:  # nothing was said for this time
             return
-        dt = 0.04
-        self._judged_s += dt
-        share = _share(dt, self._judged_s)
+        self._judged_s += FRAME_S
+        share = _share(FRAME_S, self._judged_s)
         self._errors = [
             error + share * ((px_per_rad * (place - seen)) ** 2 - error)
             for error, place in zip(self._errors, due[1], strict=True)
@@ -166,8 +168,8 @@ class ReferencePlay:
         excess = 0.0
         if off is not None:
             if self._chosen < len(REACHES_RAD) - 1:
-                self._seen_s += dt
-                part = _share(dt, self._seen_s)
+                self._seen_s += FRAME_S
+                part = _share(FRAME_S, self._seen_s)
                 self._off += part * ((px_per_rad * off) ** 2 - self._off)
                 self._excess = max(self._off - self._errors[self._chosen], 0.0)
             excess = self._excess
