@@ -86,14 +86,6 @@ class ModelInUse:
             bend = np.einsum("ak,ak->a", self.weights, self.history.columns[-1])
         return bend
 
-    @property
-    def since_s(self) -> float:
-        """Time from which on the bends of the model in use are known [s]."""
-        times = self.history.times
-        if self.capstan_used:
-            times = times[-len(self.capstan.bends) :]
-        return float(times[0])
-
     def follow(self, t: float, handles: Pair) -> None:
         """Run all models on measured handle angles [rad]; ones that are not newer are ignored."""
         if t <= self.history.times[-1]:

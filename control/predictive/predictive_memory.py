@@ -115,16 +115,15 @@ class PredictiveMemory:
         for play, one in zip(self.plays or (), by.tolist(), strict=False):
             play.move(one)
         self.cautious.move(by)
-        frames = [frame for frame in model.frames if frame.t + model.shift_s >= model.since_s]
-        if not frames:
+        if not model.frames:
             return
-        times = np.array([frame.t for frame in frames]) + model.shift_s
+        times = np.array([frame.t for frame in model.frames]) + model.shift_s
         bends = model.bends_at(times)
         if model.background:
-            measured = np.array([frame.bend for frame in frames])
+            measured = np.array([frame.bend for frame in model.frames])
             self.error.rewrite(times, measured - bends, (ERROR_VARIANCE,) * 2)
             return
-        offsets = np.array([frame.offset for frame in frames])
+        offsets = np.array([frame.offset for frame in model.frames])
         noise = (noise_px / self.px_per_rad) ** 2
         self.target.rewrite(times, bends + offsets, (noise, noise))
 

@@ -1,4 +1,4 @@
-"""The model in use: its axes, its widths, and from when on its bends are known."""
+"""The model in use: its axes and its widths."""
 
 from __future__ import annotations
 
@@ -7,14 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endolock.control.predictive import predictive_memory
 from endolock.control.predictive.capstan_rollout import CapstanRollout
 from endolock.control.predictive.handle_history import HALF_WIDTHS, PRIOR
 from endolock.control.predictive.model_in_use import UNKNOWN_RAD, WIDTHS_EVERY_S, ModelInUse
 from endolock.control.predictive.online_capstan import START, Search
-from endolock.control.predictive.predictive_settings import PredictiveSettings
-from endolock.control.predictive.seen_frames import SeenFrame
-from endolock.hw.api import Vector
 
 DT = 0.02
 NARROW, WIDE = 2, 8
@@ -98,51 +94,3 @@ def test_with_the_capstan_widths_are_its_dead_bands() -> None:
     _follow(model, 2 * DT, from_s=5.0 + WIDTHS_EVERY_S - DT)
     assert model.likely_widths != pytest.approx(widths)
     assert (model.likely_widths > 0.1).all()  # loops of a common endoscope are 0.5 rad wide
-
-
-def test_bends_of_a_capstan_are_known_from_its_start_on() -> None:
-    model = _model(NARROW, WIDE)
-    _follow(model, 3.0)
-    assert model.since_s == 0.0
-    _use_capstan(model, 3.0)
-    _follow(model, 2.0, from_s=3.0)
-    assert model.since_s == pytest.approx(3.0 + DT)
-    model.capstan_used = False
-    assert model.since_s == 0.0
-
-
-def test_a_state_that_comes_twice_moves_no_model_along() -> None:
-    """Else the bends of the capstan would belong to later ticks than they are taken for."""
-    once, twice = _model(WIDE, WIDE), _model(WIDE, WIDE)
-    for model in (once, twice):
-        _follow(model, 2.0)
-        _use_capstan(model, 2.0)
-    for n in range(1, 101):
-        t = 2.0 + n * DT
-        handles = 0.4 * float(np.sin(3 * t)), 0.3 * float(np.cos(2 * t))
-        once.follow(t, handles)
-        for _ in range(2):
-            twice.follow(t, handles)
-    times = np.linspace(2.5, 4.0, 40)
-    assert twice.bends_at(times).tolist() == once.bends_at(times).tolist()
-
-
-def test_errors_of_a_new_model_are_told_of_times_at_which_its_bends_are_known() -> None:
-    """Measured are the bends of the capstan itself, so that it has no error to be predicted."""
-    memory = predictive_memory.fresh(PredictiveSettings(), 0.0, (0.0, 0.0))
-    model = memory.model
-    model.background = True
-    _follow(model, 3.0)
-    before = model.bend
-    _use_capstan(model, 3.0)
-    _follow(model, 2.0, from_s=3.0)
-    for t in np.arange(0.5, 4.9, 0.04).tolist():
-        at = np.array([t])
-        true: Vector = model.history.angles[np.searchsorted(model.history.times, t)]
-        bend = model.bends_at(at)[0] if t > model.since_s else true
-        columns = model.history.columns_at(at)[0]
-        model.frames.append(SeenFrame(t, bend, np.zeros(2), columns, True))
-    memory.model_changed(before, noise_px=0.5)
-    assert memory.error.at(5.2) == pytest.approx((0.0, 0.0), abs=1e-6)
-    assert np.abs(memory.error._past.places).max() < 1e-6
-    assert memory.error._past.times[0] >= model.since_s
