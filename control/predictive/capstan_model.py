@@ -52,6 +52,7 @@ class CapstanModel:
     """The model that follows the handles."""
     fitted_s: float = 0.0
     """End of the window from which it was found [s]."""
+    _quick: bool = False
     _since_s: float | None = None  # of the last change of the transmission
     _bends: Vector = field(default_factory=lambda: np.zeros((ROOM, 2)))
     _count: int = 0
@@ -73,7 +74,7 @@ class CapstanModel:
     def ready(self, history: HandleHistory) -> bool:
         """Whether the search has gone far enough for the model to be used."""
         count = min(self._count, len(history.times))
-        if self._since_s is not None:
+        if self._quick:
             return count > 1 and self.search.steps > 0
         enough = count > 1 and self.search.steps >= STEPS
         return enough and history.times[-1] - history.times[-count] > LONG_S
@@ -139,13 +140,19 @@ class CapstanModel:
             self._found = window.stored
         return False
 
-    def changed(self, t: float) -> None:
-        """Search anew from what is found, on frames from a time on [s]."""
+    def changed(self, t: float, *, measured: bool) -> None:
+        """Search anew from what is found, on frames from a time on.
+
+        Args:
+            t: when the transmission changed [s].
+            measured: whether bends are: then a turn of the target is enough, with a prior that
+                lets little else than friction change.
+        """
         found = self.search.parameters
-        if self.search.steps:
-            self.search = online_capstan.after_change(found)
+        if self.search.steps or not measured:
+            self.search = online_capstan.after_change(found) if measured else Search(found)
         self._catching_up = None
-        self._since_s = t
+        self._since_s, self._quick = t, measured
 
     def _keep(self, bends: list[Pair]) -> None:
         """Append bends of the newest ticks; the oldest are dropped when there is no room."""
@@ -161,8 +168,8 @@ class CapstanModel:
         now = float(times[-1])
         since, least = max(start + LEAD_S, now - WINDOW_S), MIN_FRAMES
         if self._since_s is not None and self._since_s > since:
-            since, least = self._since_s, MIN_FRAMES_SINCE
-            if now < self._since_s + RELEARN_S:
+            since, least = self._since_s, MIN_FRAMES_SINCE if self._quick else MIN_FRAMES
+            if self._quick and now < self._since_s + RELEARN_S:
                 since = max(since, now - SHORT_S)
             start, states = max(
                 (kept for kept in self._kept if kept[0] <= since), default=(start, states)

@@ -78,7 +78,7 @@ class Competition:
         change, columns = _changes(parts, background)
         along = rotation(turn) @ change
         left = along[:, None] - np.einsum("ack,ak->ac", self.candidates, columns)
-        dt = frames[-1].t - frames[-2].t
+        dt = max(frames[-1].t - frames[-2].t, 0.0)
         self._judged_s = min(self._judged_s + dt, MEMORY_S)
         share = dt / MEMORY_S
         since = min(dt / self._judged_s, 1.0)
@@ -164,6 +164,8 @@ def _parts(
 ) -> list[tuple[float, SeenFrame]] | None:
     """Frames within the horizon whose difference is to be explained; None if it is not seen yet."""
     first = frame_before(frames, frame.t - HORIZON_S)
+    if first is not None and frame.t - first.t > 2 * HORIZON_S:
+        return None  # a gap
     if background or first is None:
         return None if first is None else [(1.0, frame), (-1.0, first)]
     middle = frame_before(frames, frame.t - HORIZON_S / 2)

@@ -106,6 +106,7 @@ class IncrementFit:
         for array in (self._xx, self._xy, self._yy, self._noise):
             array *= factor
         self.count *= factor
+        self._left[:] = self._left_turned[:] = np.inf
 
     def solve(self, axis: int, shift: float, dead_zones: bool, turn: float = 0.0) -> FittedAxis:
         """Fit the weights of an axis.

@@ -35,9 +35,10 @@ class LoopBelief:
         self._std = np.full(2, np.pi)
         self._gain = [0.0, 0.0]
 
-    def adopt(self, axis: int, weights: Vector) -> None:
-        """Believe in weights that were found otherwise, `COLUMNS` [rad/rad]."""
+    def adopt(self, axis: int, weights: Vector, width_std: float) -> None:
+        """Believe in weights that were found otherwise, with the std of their width [rad]."""
         self._found[axis] = self.weights[axis] = weights
+        self._std[axis] = self.width_std[axis] = width_std
         self.known[axis] = self._own[axis] = True
         self._gain[axis] = inf
 

@@ -81,7 +81,7 @@ class ModelInUse:
     def bend(self) -> Vector:
         """Present bend by the model, in axes of the wires, 2 [rad]."""
         if self.capstan_used:
-            bend: Vector = self.capstan.bends[-1]
+            bend: Vector = self.capstan.bends[-1].copy()  # of memory that is used again
         else:
             bend = np.einsum("ak,ak->a", self.weights, self.history.columns[-1])
         return bend

@@ -110,7 +110,7 @@ def identify(
     middle = min(max(best, 1), len(tried) - 2)
     step = SHIFTS_S[1] - SHIFTS_S[0]
     bend = (left[middle - 1] - 2 * left[middle] + left[middle + 1]) / step**2
-    shift_std = float(np.sqrt(2 * left[best] / (len(t) * bend))) if bend > 0 else step
+    shift_std = float(np.sqrt(2 * ALIKE * left[best] / (len(t) * bend))) if bend > 0 else step
     surer = loop_evidence.less_likely(left[len(left) // 2], left[best], len(t))
     return IdentifiedPlays(shift + SHIFTS_S[best], shift_std, surer, tried[best])
 

@@ -42,6 +42,8 @@ LEAST_ROWS = 40
 """Number of rows before it predicts [1]: 1.6 s of frames, a little less than it looks back."""
 LEARN_EVERY = 3
 """Number of updates after which new rows are learnt and the weights computed again [1]."""
+LONGEST_S = 6.0
+"""Longest horizon that is regressed [s]: latency and lag."""
 PREVIEW_S = 0.35
 """Time after the horizon that is predicted, too [s]."""
 
@@ -93,7 +95,7 @@ class PlaceRegression:
         if self._origin is None:
             self._origin = past.places[:, -1].copy()
         self._variance = np.array(variance)
-        ahead_s = max(horizon_s, 0.0) + PREVIEW_S
+        ahead_s = min(max(horizon_s, 0.0), LONGEST_S) + PREVIEW_S
         steps = int(np.ceil(ahead_s / HORIZON_STEP_S - 1e-9)) + 1
         if steps > len(self._ahead):
             self._ahead, self._weights = HORIZON_STEP_S * np.arange(steps), None

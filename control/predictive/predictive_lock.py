@@ -95,6 +95,7 @@ class Predictive:
         memory.t = state.t
         memory.goals = state.goal[0], state.goal[1]
         memory.servos = ServoDroop(), ServoDroop()
+        memory.cautious.stop()
         if memory.plays:
             for play, bend in zip(memory.plays, memory.model.bend.tolist(), strict=True):
                 play.restart(bend)
@@ -142,6 +143,7 @@ class Predictive:
         if observation.status is not Status.TRACKING:
             if observation.status is Status.LOST and memory.lost_s is None and memory.plays:
                 memory.lost_s = t
+                memory.cautious.stop()
                 up_down, left_right = model.to_wires(
                     np.subtract(memory.target.at(t), memory.target.stays_at())
                 ).tolist()

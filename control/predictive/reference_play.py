@@ -32,7 +32,7 @@ MEAN_S = 10.0
 LAG = 0.6
 """Distance behind the prediction while following it, in r [1]. Source: tuned on random motions;
 1 is a plain play."""
-PRICE_RAD_S = 0.5
+PRICE_RAD_S = 0.6
 """Travel of the handle per second that is worth a mean squared error e times smaller [rad/s].
 Assumed: breathing of 10 mm is followed, a heartbeat of 1.5 mm is not."""
 MEMORY_S = 10.0
@@ -200,8 +200,9 @@ class ReferencePlay:
         self._said.clear()
 
     def restart(self, place: float) -> None:
-        """Put all outputs at a place [rad], as after a gap; what was learnt is kept."""
-        self._places, self._place = [place] * len(REACHES_RAD), place
+        """Put outputs but the mean at a place [rad], as after a gap; what was learnt is kept."""
+        self._places = [place] * (len(REACHES_RAD) - 1) + self._places[-1:]
+        self._place = place
         self._directions, self._direction = [0.0] * len(REACHES_RAD), 0.0
         self._said.clear()
 

@@ -81,6 +81,7 @@ class TransmissionModel(ModelInUse):
         self._tips: deque[TipSeen] = deque(maxlen=NEWEST)
         self._count = 0
         self._trusted = True
+        self._added = False
 
     @property
     def known(self) -> bool:
@@ -131,6 +132,7 @@ class TransmissionModel(ModelInUse):
         while self.frames[0].t < frame.t - WINDOW_S:
             del self.frames[0]
         self._count += 1
+        self._added = True
         self._rivals.judge(
             self.frames,
             self.weights,
@@ -147,12 +149,17 @@ class TransmissionModel(ModelInUse):
         Args:
             t: present time [s].
         """
+        if not self._added:
+            return False
+        self._added = False
         changed = self._look_for_background()
         if len(self.frames) < 2:
             return changed
         if self._count >= OLD and self._rivals.surprised(t):
             self._fit.discount(FORGET)
-            self.capstan.changed(t - SINCE_S)
+            self.capstan.changed(t - SINCE_S, measured=self.background)
+            if not self.background:
+                self.capstan_used, changed = False, True
         every = OFTEN if self.background and self._count < YOUNG else SELDOM
         if not self.background and not self.known:
             every = SOON
@@ -216,7 +223,7 @@ class TransmissionModel(ModelInUse):
             self.weights = self._rivals.choose()
             for axis in range(2):
                 if moved[axis]:
-                    self.loops.adopt(axis, self.weights[axis])
+                    self.loops.adopt(axis, self.weights[axis], float(self.width_std[axis]))
         else:
             self.weights = self._rivals.chosen()
         if self.background and self._count % SELDOM == 0 and any(moved) and not self.capstan_used:

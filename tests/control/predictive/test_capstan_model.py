@@ -175,7 +175,7 @@ def test_after_a_change_the_search_starts_again_from_what_was_found() -> None:
     model = runner.run(20.0)
     found, followed = model.search.parameters, model.followed
     assert model.search.steps > 0
-    model.changed(19.0)
+    model.changed(19.0, measured=True)
     assert model.search.parameters == model.search.prior == found
     assert model.search.steps == 0
     assert model.idle
@@ -188,7 +188,7 @@ def test_after_a_change_only_frames_since_then_count() -> None:
     runner = Runner()
     model = runner.run(20.0)
     change_s = 19.0
-    model.changed(change_s)
+    model.changed(change_s, measured=True)
     runner.rub(2.0)
     while model.search.window is None:
         runner.run(DT)

@@ -97,10 +97,10 @@ def test_of_two_axes_the_one_with_less_evidence_is_like_the_other_if_it_may_be()
 def test_what_the_background_showed_is_adopted() -> None:
     belief = LoopBelief()
     weights = np.full(COLUMNS, 0.04)
-    belief.adopt(1, weights)
+    belief.adopt(1, weights, 0.1)
     assert belief.known[1]
     assert belief.weights[1] == pytest.approx(weights)
     true = 0.97 * np.eye(COLUMNS)[6]
-    belief.adopt(1, true)
+    belief.adopt(1, true, 0.1)
     belief.renew((_axis(THROUGH, 6), None))  # it is surer than a few frames
     assert belief.weights == pytest.approx(np.array([true, true]))
