@@ -165,7 +165,7 @@ def test_before_anything_is_found_a_change_leaves_the_search_going() -> None:
         runner.run(DT)
     search, window = model.search, model.search.window
     assert search.steps == 0
-    model.changed(runner.n * DT - 1.0)
+    model.changed(runner.n * DT - 1.0, measured=True)
     assert model.search is search
     assert model.search.window is window
 
