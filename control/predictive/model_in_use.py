@@ -2,7 +2,8 @@
 
 The bend of each axis is a sum of plays and dead zones of its handle
 (control/predictive/handle_history.py), or both bends come from the capstan model of both axes
-(control/predictive/capstan_model.py). They are turned into the axes of the video.
+(control/predictive/capstan_model.py). Handles move bends in axes of the wires; what was seen, and
+bends at past times to compare with it, are in axes of the video.
 """
 
 from __future__ import annotations
@@ -67,10 +68,8 @@ class ModelInUse:
         """Loop width of each axis, by the other axis where one has not moved enough, 2 [rad]."""
         if self.capstan_used:
             return self._capstan_widths
-        widths = self.widths.copy()
         unknown = self.width_std > UNKNOWN_RAD
-        widths[unknown] = np.maximum(widths, widths[::-1])[unknown]
-        return widths
+        return np.where(unknown, np.maximum(self.widths, self.widths[::-1]), self.widths)
 
     @property
     def slopes(self) -> Vector:

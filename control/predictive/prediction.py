@@ -305,10 +305,8 @@ class TargetPrediction:
         if then + 2 * REPEATED_S[0] < self._past.first_s:
             return None
         then += dt
-        return (
-            self._past.mean_at(axis, [then + after for after in REPEATED_S])
-            + (self._repeat_off[axis])
-        )
+        moments = [then + after for after in REPEATED_S]
+        return self._past.mean_at(axis, moments) + self._repeat_off[axis]
 
 
 class _Said:
